@@ -30,6 +30,7 @@ CORE_SHARE = 0.2  # of the distance of the others, within which they do
 FREEDOM = 6  # degrees of freedom (demonstrations less fitted numbers) below which proportionally less may be left
 NO_TURN_DEG = 2.0  # a hand that follows a yaw turns by more
 VARIES_M = 0.005  # what varies by less explains nothing
+PLACE_VARIES_M = 0.03  # an object whose place does so by less always stands there: the hand is where its noise is not
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +147,7 @@ class ActingRow:
         causes = {
             "the order of the recordings": np.linspace(0, 1, number)[:, None],
             "where the hand starts": np.array(starts_m if len(starts_m) == number else np.zeros((number, 3))),
-            f"the place of {self.row.anchors[0].object_name}": followed_m,
+            f"the place of {self.row.anchors[0].object_name}": followed_m[:, followed_m.std(axis=0) > PLACE_VARIES_M],
         }
         # what is held may depend on anything on its way
         for poses in zip(*(item.ordered_objects for item in self.shown), strict=False) if self.touches else ():

@@ -6,7 +6,9 @@ its position turns with the mug; one that turns with a valve but stays on the ro
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from statistics import median
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -22,6 +24,7 @@ AnchorFrame = Literal["w", "o", "ow", "wo", "world", "start"]
 AXES = "xyz"
 OBJECT_FRAMES: tuple[AnchorFrame, ...] = ("w", "o")
 MIXED_FRAMES: tuple[AnchorFrame, ...] = ("ow", "wo")
+CLEAR_TILT_RAD = math.radians(20)  # more than the noise of a pose
 TILT_RAD = math.radians(5)  # the frame of an object that leans by more has its full rotation, not only its yaw
 
 
@@ -123,12 +126,14 @@ def in_frame(anchors: Anchors, frame: AnchorFrame) -> Anchors:
 
 
 def tilted_objects(scenes: Sequence[Query]) -> frozenset[str]:
-    """Return the names of objects whose z axis is not vertical in some scene."""
+    """Return the names of objects whose z axis is not vertical, in most scenes, or clearly in one."""
+    tilts_rad: dict[str, list[float]] = defaultdict(list)
+    for scene in scenes:
+        for pose in scene.objects:
+            if pose.quaternion_xyzw is not None:
+                tilts_rad[pose.name].append(quaternions.tilt_rad(pose.quaternion_xyzw))
     return frozenset(
-        pose.name
-        for scene in scenes
-        for pose in scene.objects
-        if pose.quaternion_xyzw is not None and quaternions.tilt_rad(pose.quaternion_xyzw) > TILT_RAD
+        name for name, found in tilts_rad.items() if median(found) > TILT_RAD or max(found) > CLEAR_TILT_RAD
     )
 
 
