@@ -123,7 +123,7 @@ def _symmetry_of(name: str, recordings: Sequence[Recording]) -> Symmetry | None:
     touches = [touched(each).get(name) for each in recordings]
     objects = [each.demonstration.object(name).quaternion_xyzw for each in recordings]
     known = [(touch, q) for touch, q in zip(touches, objects, strict=True) if touch is not None and q is not None]
-    if len(known) < max(MIN_GRASPS, len(recordings)):
+    if len(known) < max(MIN_GRASPS, (1 - SLIPS_SHARE) * len(recordings)):
         return None
     hands, turns = (Rotation.concatenate(each) for each in zip(*(touch for touch, _ in known), strict=True))
     hands_deg, turns_deg = ((each * each[0].inv()).as_rotvec(degrees=True) for each in (hands, turns))
