@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.pipeline.findings.acting_row import ActingRow
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.outliers import prompt_findings
 from app.pipeline.findings.scatter import scatter_findings
-from app.pipeline.plans.rows import plan_rows
+from app.pipeline.plans.rows import plan_row, plan_rows
 from app.pipeline.plans.support import Support
+from app.pipeline.representation.anchors import Anchor
 from tests.pipeline.scenes import action, demonstration, pose, rotated
 
 INSTRUCTION = "pick up the cube"
@@ -70,6 +72,18 @@ def test_what_explains_the_scatter_is_no_noise(off_m, severity):
         group.append(replace(given, start=action(start_m + np.array([0, 0, 0.4]))))
     (finding,) = found(group)
     assert finding.severity == severity
+
+
+@pytest.mark.parametrize(("varies_m", "explained"), [(0.02, False), (0.2, True)])
+def test_the_noise_of_an_object_that_stays_in_one_place_explains_nothing(varies_m, explained):
+    """The hand goes to one place; seen from the object, all scatter is the object's."""
+    random, group = np.random.default_rng(3), []
+    for _ in range(10):
+        bin_m = np.array([0.4, 0.1, 0.8]) + random.uniform(-varies_m, varies_m, 3)
+        group.append(demonstration(INSTRUCTION, (pose("bin", bin_m, 0),), [action((0.4, 0.1, 0.8))]))
+    row = plan_row(group, 0, (Anchor("bin", "w"),) * len(group))
+    far_m, cause = ActingRow(group, [row], 0, True, group[0].order, {}).explained_m()
+    assert (far_m > 0.015, cause) == ((True, "the place of bin") if explained else (False, ""))
 
 
 @pytest.mark.parametrize(

@@ -108,6 +108,18 @@ def test_one_of_ten_may_slip(slips, shown):
     assert bool(shown_symmetries(recordings, {})) == shown
 
 
+@pytest.mark.parametrize(("missed", "shown"), [(1, True), (2, False)])
+def test_of_one_of_ten_it_need_not_be_clear_what_it_took(missed, shown):
+    recordings = group(CUBE)
+    for k in range(missed):
+        cube, plate = recordings[k].demonstration.objects
+        elsewhere = replace(cube, position_m=cube.position_m + np.array([0, 0, 0.1]))
+        recordings[k] = replace(
+            recordings[k], demonstration=replace(recordings[k].demonstration, objects=(elsewhere, plate))
+        )
+    assert bool(shown_symmetries(recordings, {})) == shown
+
+
 @pytest.mark.parametrize(
     ("share", "number", "seed", "turn_deg"), [(0.6, 10, 0, 90), (0.3, 10, 0, None), (0.6, 5, 11, None)]
 )
