@@ -22,6 +22,7 @@ from app.pipeline.findings.recording_ends import (
     end_faults,
 )
 from app.pipeline.order.grasps import put_to, shifts_something, taken
+from app.pipeline.order.order import Order
 from app.pipeline.order.verbs import FETCHING, GRIPPING, PRESSING, PUTTING, TAKING
 from app.pipeline.plans.rows import of_a_way
 from app.pipeline.thresholds import WAY_SHARE
@@ -157,7 +158,7 @@ def _fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: bool) ->
 
 def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: bool) -> str | None:
     clause = demonstration.order.clauses[0]
-    takes, wanted = clause.verb in TAKING | PUTTING, taken(demonstration.order)
+    takes = clause.verb in TAKING | PUTTING
     closings = [act for act in hand.acts if not act.opens]
     lets_go = bool(hand.acts) and hand.acts[0].opens and hand.acts[0].at_object and hand.acts[0].moved_m > CARRIES_M
     if lets_go and not hand.may_hold:  # nor comes to take it
@@ -171,8 +172,14 @@ def _gripper_fault(demonstration: Demonstration, hand: RecordedHand, on_a_part: 
         return TAKES_NOTHING
     if closings and (takes or hand.acts[-1].opens) and _closes_aside(closings, on_a_part):
         return CLOSES_ASIDE
-    if _takes_from(put_to(demonstration.order), hand.acts):
+    return _takes_otherwise(demonstration.order, hand, closings)
+
+
+def _takes_otherwise(order: Order, hand: RecordedHand, closings: Sequence[Act]) -> str | None:
+    """Return in what way the hand does not take the objects that words name, or takes something from its goal."""
+    if _takes_from(put_to(order), hand.acts):
         return TAKES_FROM_GOAL
+    wanted = taken(order)
     left = [name for name in wanted if name not in hand.may_hold and _is_far(name, closings)]
     if not left:
         return None
