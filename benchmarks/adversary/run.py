@@ -1,13 +1,14 @@
 """Which cases there are, which of them the results have already, and the rest carried out."""
 
 import json
+import sys
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from app.evaluation.teach import record
+from app.evaluation.teach import TeachingError, record
 from app.evaluation.world import Panda, World
 from app.executors import Executor, call
 from app.sim.outcomes import RecordedDemonstration, SceneView
@@ -61,7 +62,7 @@ class Run:
                 if all((kind, task, seed) in known for kind in asked):
                     yield from ((known[kind, task, seed], {}) for kind in asked)
                 else:
-                    yield from self._scene(task, seed, asked, known)
+                    yield from self._of_task(task, seed, asked, known)
 
     def _kinds_of(self, number: int, seed: int) -> list[str]:
         asked = [k for i, k in enumerate(self.kinds) if not KINDS[k].wrong or (i + number + seed) % self.every == 0]
@@ -71,6 +72,15 @@ class Run:
         lines = self.results.read_text().splitlines() if self.results and self.results.exists() else ()
         outcomes = (Outcome.from_json(json.loads(line)) for line in lines)
         return {(item.kind, item.task, item.seed): item for item in outcomes}
+
+    def _of_task(
+        self, task: str, seed: int, kinds: Sequence[str], known: Mapping[tuple[str, str, int], Outcome]
+    ) -> Iterator[tuple[Outcome, Mapping[str, Any]]]:
+        """The outcomes of a task and seed; none if an expert fails to demonstrate it, or the task that it is mixed with."""
+        try:
+            yield from self._scene(task, seed, kinds, known)
+        except TeachingError as error:
+            sys.stderr.write(f"{task} {seed} is left out: {error}\n")
 
     def _scene(
         self, task: str, seed: int, kinds: Sequence[str], known: Mapping[tuple[str, str, int], Outcome]
