@@ -76,7 +76,7 @@ class Run:
     def _of_task(
         self, task: str, seed: int, kinds: Sequence[str], known: Mapping[tuple[str, str, int], Outcome]
     ) -> Iterator[tuple[Outcome, Mapping[str, Any]]]:
-        """The outcomes of a task and seed; none if an expert fails to demonstrate it, or the task that it is mixed with."""
+        """The outcomes of a task and seed; none if its expert fails, or that of the task it is mixed with."""
         try:
             yield from self._scene(task, seed, kinds, known)
         except TeachingError as error:
