@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.adversary.case import Case, Recording
 from benchmarks.adversary.recordings import Change, frames, with_hand
 from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.trajectory import Trajectory
 
 TREMBLES_M, TREMBLES_RAD = 0.002, 0.02  # a tracker's error, or a person's hand
 FRAMES_OF_NOISE = 2.0  # over which it is smooth
@@ -31,9 +32,7 @@ def trembling(case: Case, random: np.random.Generator) -> Change:
         number = len(given)
         turns = Rotation.from_rotvec(noise(number, TREMBLES_RAD))
         hands = (turns * Rotation.from_quat(given.quaternions_xyzw)).as_quat()
-        moved = with_hand(recording, given.positions_m + noise(number, TREMBLES_M), hands)
-        no_joints = replace(moved.trajectory, joint_velocities_rad_s=np.zeros((number, 0)), joint_positions_rad=None)
-        return replace(recording, trajectory=no_joints)
+        return _without_joints(with_hand(recording, given.positions_m + noise(number, TREMBLES_M), hands))
 
     return change
 
@@ -44,11 +43,7 @@ def waiting(case: Case, random: np.random.Generator) -> Change:
     def change(recording: Recording) -> Recording:
         given, rate_hz = recording.trajectory, recording.control_frequency_hz
         stop, number = int(random.integers(1, len(given))), round(random.uniform(0.5, 1.5) * rate_hz)
-        kept = np.r_[0 : stop + 1, np.full(number, stop), stop + 1 : len(given)]
-        longer = frames(replace(given, timestamps_s=None), kept)
-        speeds = longer.joint_velocities_rad_s.copy()
-        speeds[stop : stop + number + 1] = 0.0
-        return replace(recording, trajectory=replace(longer, joint_velocities_rad_s=speeds))
+        return replace(recording, trajectory=_resting(given, stop, number))
 
     return change
 
@@ -75,12 +70,10 @@ def grasping_again(case: Case, random: np.random.Generator) -> Change:
         if not len(closes):
             return recording
         frame, number = int(closes[0]) + 1, max(2, round(HOLDS_S * recording.control_frequency_hz))
-        kept = np.r_[0 : frame + 1, np.full(2 * number, frame), frame + 1 : len(given)]
-        longer = frames(replace(given, timestamps_s=None), kept)
-        is_open, speeds = longer.gripper_open.copy(), longer.joint_velocities_rad_s.copy()
+        longer = _resting(given, frame, 2 * number)
+        is_open = longer.gripper_open.copy()
         is_open[frame + number : frame + 2 * number] = True
-        speeds[frame : frame + 2 * number + 1] = 0.0
-        return replace(recording, trajectory=replace(longer, gripper_open=is_open, joint_velocities_rad_s=speeds))
+        return replace(recording, trajectory=replace(longer, gripper_open=is_open))
 
     return change
 
@@ -96,9 +89,22 @@ def straying(case: Case, random: np.random.Generator) -> Change:
         free = gaussian_filter1d(np.clip(away_m / STRAYS_AT_M - 1, 0, 1), len(given) / 50)
         way = random.normal(size=3)
         off_m = random.uniform(*STRAYS_M) * (ends * free)[:, None] * way / np.linalg.norm(way)
-        moved = with_hand(recording, given.positions_m + off_m)
-        no_joints = np.zeros((len(given), 0))
-        trajectory = replace(moved.trajectory, joint_velocities_rad_s=no_joints, joint_positions_rad=None)
-        return replace(recording, trajectory=trajectory)
+        return _without_joints(with_hand(recording, given.positions_m + off_m))
 
     return change
+
+
+def _without_joints(recording: Recording) -> Recording:
+    given = recording.trajectory
+    no_joints = replace(given, joint_velocities_rad_s=np.zeros((len(given), 0)), joint_positions_rad=None)
+    return replace(recording, trajectory=no_joints)
+
+
+def _resting(given: Trajectory, frame: int, number: int) -> Trajectory:
+    """The trajectory with so many frames more, in which everything stays as it is in one."""
+    longer = frames(
+        replace(given, timestamps_s=None), np.r_[0 : frame + 1, np.full(number, frame), frame + 1 : len(given)]
+    )
+    speeds = longer.joint_velocities_rad_s.copy()
+    speeds[frame : frame + number + 1] = 0.0
+    return replace(longer, joint_velocities_rad_s=speeds)

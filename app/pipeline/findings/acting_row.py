@@ -30,7 +30,7 @@ CORE_SHARE = 0.2  # of the distance of the others, within which they do
 FREEDOM = 6  # degrees of freedom (demonstrations less fitted numbers) below which proportionally less may be left
 NO_TURN_DEG = 2.0  # a hand that follows a yaw turns by more
 VARIES_M = 0.005  # what varies by less explains nothing
-PLACE_VARIES_M = 0.03  # an object whose place does so by less always stands there: the hand is where its noise is not
+PLACE_VARIES_M = 0.02  # of an object in one place: twice the paper's noise of poses along an axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +73,7 @@ class ActingRow:
     @property
     def ends_slide(self) -> bool:
         """Whether the plan ends here with a slide: how far the hand pushes varies more than where it grasps."""
-        last = self.index == len(self.rows) - 1
-        return last and self.index > 0 and slides_on(self.rows, self.index - 1)
+        return 0 < self.index == len(self.rows) - 1 and slides_on(self.rows, self.index - 1)
 
     @property
     def seen_from(self) -> str:

@@ -90,14 +90,18 @@ class Taught:
     @cached_property
     def decisive(self) -> frozenset[str]:
         """The objects that rows follow, words name or plans depend on, and those arranged with any of them."""
-        found = {
-            name for _, rows in self.support.plans for row in rows for anchor in row.anchors for name in anchor.names
-        }
+        found = set(self._followed_in_demonstrations)
         found |= {name for item in self.demonstrations for name in item.order.objects}
         parted = [item for item in self._parted.values() if item is not None]
         found |= {name for item in parted for name in (item.quantity.object_name, item.quantity.seen_from)}
         pairs = [{pair.one, pair.other} for pair in self.scenes.pairs]
         return frozenset(found.union(*(pair for pair in pairs if pair & found)) - {""})
+
+    @cached_property
+    def _followed_in_demonstrations(self) -> frozenset[str]:
+        """The objects that rows of any plan are relative to."""
+        plans = self.support.plans
+        return frozenset(name for _, rows in plans for row in rows for anchor in row.anchors for name in anchor.names)
 
     def of_objects(self, names: Collection[str]) -> "Taught":
         """Return the same with only these objects in the scenes; the last result is kept."""
@@ -132,7 +136,9 @@ class Taught:
                 *turning_findings(self.support, asked, self.yaw_symmetry_deg, self.given_xyzw),
                 *(dropping_findings(self.hands) if number > 1 and not form else ()),
                 *objects_order_findings(self.demonstrations),
-                *unmeasured_findings(self.demonstrations, self.followed(asked) - self.yaw_symmetry_deg.keys()),
+                *unmeasured_findings(
+                    self.demonstrations, self._followed_in_demonstrations - self.yaw_symmetry_deg.keys()
+                ),
             )
             self._known[form, number, asked.objects] = known
         return known

@@ -7,15 +7,15 @@ import numpy as np
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings.acts import Act, act_of
-from app.pipeline.keyframes.motion import BLIP_S, Motion
+from app.pipeline.keyframes.motion import BLIP_S, FLICKERS_S, Motion
 from app.pipeline.keyframes.rules import SIMULATION_DELTA_RAD_S
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
 END_S = 0.2  # a moving hand leaves its place within this time, at the start as at the end
 DIPS_M = 0.03  # a smaller range of heights is no motion to a place and back
 HELD_M = 0.10  # an object as near to the first pose of the hand may be in it
-FLICKERS_S = 0.3  # fingers do not open and close again as fast
 MOVING_M = 0.005  # between two frames of a moving hand
 SLIDES_M, LEVEL_M = 0.05, 0.02  # a hand that moves farther, within this of its lowest height, slides what it touches
 # No arm makes a step so long, so many times as long as those before and after it, with so great an acceleration;
@@ -25,7 +25,6 @@ GAP_S, GAP = 0.5, 5.0  # a longer time between two frames, and so many times as 
 # No arm of up to 1.3 m moves its hand farther for a joint path of 1 rad (norm over the joints); what is beyond it by so
 # much is no noise. In right recordings of three simulators, and of people at three arms, it is 0.2 mm at most.
 M_PER_JOINT_RAD, OUTRUN_M = 1.5, 0.01
-NO_ROTATION = 1e-9  # of x, y and z of a quaternion: no measured one is as near to the identity
 
 # (segment length in m, cosine of the angle between successive segments): long segments that turn back sharply are
 # certainly a reversal, and anything that turns back less is possibly one.
@@ -138,13 +137,8 @@ class RecordedHand:
             _leaps(trajectory.positions_m, motion.times_s),
             _flickers(motion),
             _outruns_joints(motion),
-            is_unturned(motion),
+            quaternions.is_identity(motion.trajectory.quaternions_xyzw),
         )
-
-
-def is_unturned(motion: Motion) -> bool:
-    """Return whether the hand's rotation is exactly the identity in every frame, as of a recorder that knows none."""
-    return bool(np.abs(motion.trajectory.quaternions_xyzw[:, :3]).max() < NO_ROTATION)
 
 
 def _slides(positions_m: Array) -> bool:

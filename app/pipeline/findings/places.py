@@ -18,7 +18,6 @@ from roboprompt_client.types.poses import ObjectPose
 UP = (0.0, 0.0, 1.0)
 FIXED_M = 0.01  # what varies by less is the same in all demonstrations
 FIXED_DEG = 3.0
-EXACTLY_RAD = 1e-9  # no measured rotation is as near to the identity
 DIFFERS_DEG = 20.0  # rotations that differ by more were turned, and are no noise
 FULL_TURN_DEG = 200.0  # demonstrations that span more have the object at any angle
 # A single place this far from all others is an outlier; the second value is for fewer than MANY_DEMONSTRATIONS
@@ -142,10 +141,10 @@ class ShownPlaces:
 
         Estimators that see no rotation say so.
         """
-        if not (len(self.up) and is_unturned(pose)):
+        if not len(self.up) or pose.quaternion_xyzw is None or not quaternions.is_identity(pose.quaternion_xyzw):
             return False
         apart = (self.up @ self.up.T).min() < math.cos(math.radians(DIFFERS_DEG))
-        known_before = ((np.abs(self.yaws_rad) < EXACTLY_RAD) & (self.up[:, 2] > 1 - EXACTLY_RAD)).any()
+        known_before = ((np.abs(self.yaws_rad) < quaternions.EXACTLY) & (self.up[:, 2] > 1 - quaternions.EXACTLY)).any()
         return not known_before and bool(apart or self._yaws_deg().width > DIFFERS_DEG)
 
     def tilted_beyond_deg(self, pose: ObjectPose) -> float:
@@ -172,11 +171,6 @@ class ShownPlaces:
     @property
     def _middle_rad(self) -> float:
         return float(np.angle(np.exp(1j * self.yaws_rad).mean()))
-
-
-def is_unturned(pose: ObjectPose) -> bool:
-    """Return whether its rotation is exactly the identity, as that of an estimator that sees none."""
-    return pose.quaternion_xyzw is not None and quaternions.angle_rad(pose.quaternion_xyzw) < EXACTLY_RAD
 
 
 def _levels(heights_m: Array) -> tuple[Range, ...]:

@@ -11,13 +11,14 @@ from app.pipeline.episode import COMMANDED, Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.acts import AT_OBJECT_M, NEARER_M
 from app.pipeline.findings.frames import Compared
-from app.pipeline.findings.hand import MOVING_M, is_unturned
+from app.pipeline.findings.hand import MOVING_M
 from app.pipeline.findings.outliers import gripper_outlier_findings
 from app.pipeline.findings.units import flange_findings, unit_findings
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.motion import stretches
 from app.pipeline.keyframes.rules import MAX_KEYFRAMES
 from app.pipeline.order.order import FIELD, Order
+from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array, positions_array
 
 JUMP_M = 0.05
@@ -125,7 +126,7 @@ def _steps(motion: Motion) -> Iterator[Finding]:
 
 
 def _rotations(motion: Motion) -> Iterator[Finding]:
-    if is_unturned(motion):
+    if quaternions.is_identity(motion.trajectory.quaternions_xyzw):
         message = (
             "The hand's rotation is exactly 0 (0, 0, 0, 1) in every frame, as of a recorder that knows none. Predicted"
             " actions would turn the hand to it: record its rotation, or the constant one of a hand that cannot turn."

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 from app.pipeline.episode import Demonstration
 from app.pipeline.findings import Finding, rules
 from app.pipeline.findings.object_pose import in_millimeters
-from app.pipeline.findings.places import DIFFERS_DEG, is_unturned
+from app.pipeline.findings.places import DIFFERS_DEG
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.poses import ObjectPose
 
@@ -18,11 +18,11 @@ def unmeasured_findings(demonstrations: Sequence[Demonstration], followed: Colle
     """Yield a finding for each object whose rotation is exactly 0 in some demonstrations and measured in others.
 
     Args:
-        followed: the objects that rows of the requested motion are relative to.
+        followed: the objects that rows are relative to.
     """
     for name in sorted(followed):
         poses = [item.object(name) for item in demonstrations if any(pose.name == name for pose in item.objects)]
-        unturned = [pose for pose in poses if is_unturned(pose) and not in_millimeters(pose)]
+        unturned = [pose for pose in poses if _lacks_rotation(pose)]
         measured_deg = list(filter(_is_measured, map(_turn_deg, poses)))
         if min(len(unturned), len(measured_deg)) < LEAST or max(measured_deg) < DIFFERS_DEG:
             continue
@@ -33,6 +33,12 @@ def unmeasured_findings(demonstrations: Sequence[Demonstration], followed: Colle
         )
         share = len(unturned) / len(poses)
         yield rules.SOME_ROTATIONS_NOT_MEASURED.finding(message, f"objects[{name}]", {"share": share}, value=share)
+
+
+def _lacks_rotation(pose: ObjectPose) -> bool:
+    """Return whether its rotation is the identity, and its place was not written by hand."""
+    turn_xyzw = pose.quaternion_xyzw
+    return turn_xyzw is not None and quaternions.is_identity(turn_xyzw) and not in_millimeters(pose)
 
 
 def _turn_deg(pose: ObjectPose) -> float:

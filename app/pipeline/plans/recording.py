@@ -34,11 +34,11 @@ class Touch(NamedTuple):
     """The hand at an object.
 
     Attributes:
-        turn: from where it took what it lets go of; its rotation where it takes something itself.
+        taking: its rotation where it took what it lets go of here; None where it takes something itself.
     """
 
     hand: Rotation
-    turn: Rotation
+    taking: Rotation | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,13 +173,13 @@ def clearly_nearest(objects: Sequence[ObjectPose], position_m: Array) -> int | N
 def touched(recording: Recording) -> dict[str, Touch]:
     """Return how the hand clearly grasps an object, or lets go of another one at it, by its name."""
     found: dict[str, Touch] = {}
-    trajectory, taken = recording.motion.trajectory, None
+    trajectory, taking = recording.motion.trajectory, None
     for phase in (phase for phase in recording.phases if phase.gripper_open != phase.ends_open):
         hand = Rotation.from_quat(trajectory.quaternions_xyzw[phase.last])
         left = [pose for pose in recording.demonstration.objects if pose.name not in found]
         if (place := clearly_nearest(left, trajectory.positions_m[phase.last])) is not None:
-            found[left[place].name] = Touch(hand, hand if taken is None else hand * taken.inv())
-        taken = None if phase.ends_open else hand
+            found[left[place].name] = Touch(hand, taking)
+        taking = None if phase.ends_open else hand
     return found
 
 

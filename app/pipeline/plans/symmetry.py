@@ -125,8 +125,10 @@ def _symmetry_of(name: str, recordings: Sequence[Recording]) -> Symmetry | None:
     known = [(touch, q) for touch, q in zip(touches, objects, strict=True) if touch is not None and q is not None]
     if len(known) < max(MIN_GRASPS, (1 - SLIPS_SHARE) * len(recordings)):
         return None
-    hands, turns = (Rotation.concatenate(each) for each in zip(*(touch for touch, _ in known), strict=True))
-    hands_deg, turns_deg = ((each * each[0].inv()).as_rotvec(degrees=True) for each in (hands, turns))
+    hands = Rotation.concatenate([touch.hand for touch, _ in known])
+    taking = [touch.taking for touch, _ in known if touch.taking is not None]
+    hands_deg = _turned_deg(hands)
+    turns_deg = _turned_deg(hands * Rotation.concatenate(taking).inv()) if len(taking) == len(known) else hands_deg
     if np.linalg.norm(hands_deg[:, :2], axis=1).max() > ALIKE_DEG:
         return None
     yaws_deg = np.degrees([yaw_rad(quaternion) for _, quaternion in known])
@@ -136,6 +138,12 @@ def _symmetry_of(name: str, recordings: Sequence[Recording]) -> Symmetry | None:
         if alike and _nearest_taken(turns_deg[:, 2], sides, turn_deg):
             return _symmetry(hands, yaws_deg + turn_deg * sides, turn_deg)
     return None
+
+
+def _turned_deg(rotations: Rotation) -> Array:
+    """Return rotation vectors (N, 3) from the first one, in degrees, along the world's axes."""
+    turned_deg: Array = (rotations * rotations[0].inv()).as_rotvec(degrees=True)
+    return turned_deg
 
 
 def _alike_deg(number: int, turn_deg: float) -> float:

@@ -33,8 +33,8 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_HELD_AGAINST = 50  # demonstrations of a task
-_FORM = attrgetter("demonstration.order.form")
 MAX_CHOICES = 4  # of a task's demonstrations that are kept
+_FORM = attrgetter("demonstration.order.form")
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from roboprompt_client.types.arrays import Array
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+EXACTLY = 1e-9
 SMALL_RAD = 1e-8  # below it a rotation's axis is lost in rounding, and sin(x) is x
 
 
@@ -50,6 +51,11 @@ def angle_rad(rotation: npt.ArrayLike) -> float:
     """Return the rotation's angle, 0 to pi."""
     q = np.asarray(rotation, float)
     return 2.0 * math.atan2(float(np.linalg.norm(q[:3])), abs(float(q[3])))
+
+
+def is_identity(rotations: npt.ArrayLike) -> bool:
+    """Return whether rotations (..., 4) are exactly the identity: no measured one is as near to it."""
+    return bool(np.abs(np.asarray(rotations, float)[..., :3]).max() < EXACTLY)
 
 
 def angle_between_rad(first: npt.ArrayLike, second: npt.ArrayLike) -> float:

@@ -53,14 +53,14 @@ def picked(seed, **how):
     return recording(*picks(seed, **how), hz=np.random.default_rng(seed).choice([10, 15, 20, 30]))
 
 
-def slipped(seed, again_s=1.6):
-    """The cube is grasped, let go and, so long after the first time, grasped again; the hand waits for 2 s."""
+def slipped(seed, again_s=1.6, times=1):
+    """The cube is grasped, let go and, so long after the first time, grasped again; the hand waits for 2 s for each."""
     motion, objects = picks(seed)
     grasped_s = motion.switches[0]
-    motion = motion.held(grasped_s, 2.0)
+    motion = motion.held(grasped_s, 2.0 * times)
     first, *others = motion.switches
-    again = replace(motion, switches=(first, grasped_s + again_s / 2, grasped_s + again_s, *others))
-    return recording(again, objects)
+    tries_s = [grasped_s + again_s * k / 2 for k in range(1, 2 * times + 1)]
+    return recording(replace(motion, switches=(first, *tries_s, *others)), objects)
 
 
 def reached(offsets_m, *, random, objects=None, instruction=INSTRUCTION, turns_deg=None):
