@@ -25,7 +25,7 @@ def action(place_m, z_m, gripper_open):
 
 
 def anchor(name):
-    return ActionAnchor(name, "w", np.zeros(3), DOWN)
+    return name and ActionAnchor(name, "w", np.zeros(3), DOWN)
 
 
 PICK_AND_PLACE = [
@@ -145,6 +145,25 @@ def test_what_an_open_hand_pushes_is_looked_for_until_contact():
     arm = Arm({2: {"cube": CUBE + SHIFT}})
     run(arm, answer(plan))
     assert (arm.looks, shifts(arm, plan)) == ([0, 0, 1], [[0, 0, 0]] * 3)
+
+
+PRESS = [("cube", action(CUBE, 0.1, False)), ("cube", action(CUBE, 0.0, False)), ("cube", action(CUBE, 0.1, False))]
+START = (None, action(CUBE - ASIDE, 0.3, True))
+
+
+@pytest.mark.parametrize("plan", [PRESS, [START, *PRESS]], ids=["closed from the start", "closed on the way"])
+def test_what_a_closed_hand_presses_is_looked_for_until_contact(plan):
+    contact = len(plan) - 2
+    arm = Arm({contact: {"cube": CUBE + SHIFT}})
+    run(arm, answer(plan))
+    assert shifts(arm, plan) == [[0, 0, 0]] * contact + [SHIFT.tolist()] * 2
+    assert arm.looks == [0, contact - 1, contact]
+
+
+def test_what_the_first_action_grasps_is_not_looked_for():
+    arm = Arm({1: {"cube": None}})
+    run(arm, answer(PICK_AND_PLACE[1:]))
+    assert (arm.looks, len(arm.done)) == ([0, 0, 2, 3], 5)
 
 
 @pytest.mark.parametrize("what", [{"cube": None}, RuntimeError("the camera is unplugged")])

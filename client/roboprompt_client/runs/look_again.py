@@ -2,10 +2,11 @@
 
 The robot looks before every action that refers to an object that it has not touched yet, and only then:
 
-- The object at which the gripper closes counts as touched until the gripper opens again.
-- An object at which the gripper neither closes nor opens is pushed or pressed: it counts as touched after two actions
-  that refer to it, the approach and the contact.
-- The action that retreats from an object after the gripper closed or opened at it stays as it was predicted.
+- The object that the gripper grasps counts as touched until the gripper opens again.
+- An object at which the gripper neither grasps nor opens is pushed or pressed: it counts as touched after two actions
+  that refer to it, the approach and the contact. A hand that is closed and then comes nearer to the object does not
+  grasp it, whether it was closed before the first action or closes on its way.
+- The action that retreats from an object after the gripper grasped it or opened at it stays as it was predicted.
 
 Objects that the robot itself moved are not followed: after a release, the next observed pose is the one to start from.
 `Leading` aims ahead of objects that move by themselves, e.g. on a conveyor belt.
@@ -23,7 +24,7 @@ from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ObjectLostError, ServiceProblemError
 from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.runs.reanchoring import has_moved, reanchored
+from roboprompt_client.runs.reanchoring import MOVED_M, has_moved, reanchored
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
@@ -197,9 +198,19 @@ class Follower:
                 self._touched.add(name)
 
     def _switches(self, index: int) -> bool:
-        """Return whether the gripper opens or closes after an action; before the first it counts as open."""
-        was_open = index == 0 or self.actions[index - 1].gripper_open
-        return self.actions[index].gripper_open != was_open
+        """Return whether the gripper grasps or opens after an action; before the first its state is not known."""
+        is_open = self.actions[index].gripper_open
+        if index == 0:
+            return not is_open and not self._comes_nearer(index)
+        return is_open != self.actions[index - 1].gripper_open and (is_open or not self._comes_nearer(index))
+
+    def _comes_nearer(self, index: int) -> bool:
+        """Return whether the next action brings the closed hand nearer to the object of this one."""
+        pose = self._known.get(self._names[index] or "")
+        if pose is None or self._names[index + 1 : index + 2] != [pose.name] or self.actions[index + 1].gripper_open:
+            return False
+        here_m, next_m = (np.linalg.norm(self.actions[k].position_m - pose.position_m) for k in (index, index + 1))
+        return bool(next_m < here_m - MOVED_M)
 
     def _untouched(self, name: str, others: Iterable[str]) -> Poses:
         """Return the poses of untouched objects, with `leading` those that they will have at contact."""
