@@ -20,13 +20,13 @@ from rich.table import Table
 from app.evaluation.server import running_server
 from app.perception.base import ObjectQuery
 from app.services.task_settings import TaskSettings
-from app.store import episodes, tasks, trajectories
+from app.store import episodes, tasks
 from app.store.records import EpisodeDraft
 from app.store.store import Store
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 from roboprompt_client.types.camera import Camera, camera_json
 from roboprompt_client.types.poses import ObjectPose
-from roboprompt_client.types.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory
 
 CHROMIUM = "/usr/bin/chromium"
 TASK, INSTRUCTION = "task_3", "put the cube into the drawer"
@@ -80,7 +80,7 @@ def draft(task: str, trajectory: Trajectory, camera: CameraRecord) -> EpisodeDra
         cameras=(camera,),
         extra={},
         num_frames=len(trajectory),
-        trajectory=trajectories.pack(trajectory),
+        trajectory=npz_from_trajectory(trajectory),
     )
 
 

@@ -169,8 +169,8 @@ def is_newest(database: Database) -> bool:
     this = f"RoboPrompt {VERSION} (revision {scripts.get_current_head()})"
     if unknown := revisions - {script.revision for script in scripts.walk_revisions()}:
         raise SchemaVersionError(
-            f"database {database.name} is at revision {', '.join(sorted(unknown))}, which {this} does not know: a "
-            "newer version wrote it, or one that was never released. Install that version, or use another folder"
+            f"database {database.name} is at revision {', '.join(sorted(unknown))}, which {this} does not know: "
+            "another version wrote it. Install that version, or use another folder"
         )
     if tables and not revisions:
         raise SchemaVersionError(

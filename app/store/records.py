@@ -110,7 +110,7 @@ def kept_frames(trim: JsonObject) -> tuple[int, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeDraft(EpisodeRecord):
-    """A new episode, with its trajectory as `trajectories.pack` makes it, which takes too long for a transaction."""
+    """A new episode, with its trajectory as an `.npz`, which takes too long to write for a transaction."""
 
     trajectory: bytes
 

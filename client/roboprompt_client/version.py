@@ -1,3 +1,3 @@
 """The version of RoboPrompt: of service and client, which are released together."""
 
-VERSION = "1.0.0"
+VERSION = "2.0.0"

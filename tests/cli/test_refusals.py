@@ -167,7 +167,7 @@ def test_serve_refuses_a_data_folder_of_an_unknown_version_in_a_sentence(tmp_pat
     run = CliRunner().invoke(application, ["serve", "--data", str(tmp_path)])
     assert run.exit_code == 1
     assert run.output.startswith("database sqlite:///")
-    assert f"is at revision 9999, which RoboPrompt {VERSION} (revision 1.1.dev2) does not know" in run.output
+    assert f"is at revision 9999, which RoboPrompt {VERSION} (revision 2.0) does not know" in run.output
     assert len(run.output.splitlines()) == 1
 
 

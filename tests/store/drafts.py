@@ -5,12 +5,12 @@ from dataclasses import asdict
 import numpy as np
 
 from app.perception.base import ObjectQuery
-from app.store import episodes, predictions, tasks, trajectories
+from app.store import episodes, predictions, tasks
 from app.store.records import EpisodeDraft, PredictionDraft
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 from roboprompt_client.types.camera import Camera, camera_json
 from roboprompt_client.types.poses import ObjectPose
-from roboprompt_client.types.trajectory import Trajectory
+from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory
 
 TASK = "open_drawer"
 SETTINGS = {"keyframes": {"rule": "merged", "delta_rad_s": 0.1}, "num_demonstrations": 10}
@@ -65,7 +65,7 @@ def episode_draft(
         films=films or {},
         extra={"operator": "Zoë", "seed": seed, "nested": [1, None, True]},
         num_frames=len(recorded),
-        trajectory=trajectories.pack(recorded),
+        trajectory=npz_from_trajectory(recorded),
     )
 
 

@@ -78,7 +78,7 @@ NEXT_REVISION = """
 import sqlalchemy as sa
 from alembic import op
 
-revision, down_revision = "0002", "1.1.dev2"
+revision, down_revision = "0002", "2.0"
 
 
 def upgrade() -> None:
@@ -123,7 +123,7 @@ def test_a_filled_database_is_upgraded_by_the_next_revision_and_back(tmp_path, e
     with migration_transaction(either) as connection:
         config = Config(next_release / "alembic.ini")
         config.attributes["connection"] = connection
-        command.downgrade(config, "1.1.dev2")
+        command.downgrade(config, "2.0")
     assert_tables_are_those_of_the_code(either)
     assert read(store, episodes.get, episode.id) == episode
     store.close()

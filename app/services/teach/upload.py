@@ -15,13 +15,14 @@ from app.services.task_settings import TaskSettings
 from app.services.teach.extract import extract
 from app.services.teach.upload_checks import CheckedUpload, StoredTask, Upload, checked_upload
 from app.services.teach.workspace import uploaded
-from app.store import episodes, idempotency, predictions, tasks, trajectories
+from app.store import episodes, idempotency, predictions, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeRecord
 from app.store.store import Store
 from app.store.values import JsonObject
 from app.store.visibility import present
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.trajectory import npz_from_trajectory
 
 MAX_ATTEMPTS = 3  # a task's settings may change while an episode is being extracted
 Respond = Callable[[EpisodeRecord, TaskSettings], JsonObject]
@@ -86,7 +87,7 @@ class UploadEpisode:
             uploaded_instruction=upload.uploaded_instruction
             or (None if checked.instruction == episode.instruction else episode.instruction),
             num_frames=len(episode.trajectory),
-            trajectory=trajectories.pack(episode.trajectory),
+            trajectory=npz_from_trajectory(episode.trajectory),
         )
         new = draft.demonstration()
         findings = upload_findings(
