@@ -43,8 +43,7 @@ def test_a_changed_byte_is_noticed_or_changes_no_number():
         damaged[position] ^= 0x40
         try:
             restored = trajectories.unpack(bytes(damaged), "e1")
-        except CorruptDataError as error:
-            assert "trajectory e1 is damaged" in str(error)
+        except CorruptDataError:
             noticed += 1
         else:
             assert_same_bits(recorded, restored)
