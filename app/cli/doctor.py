@@ -45,7 +45,7 @@ CLIENTS_OWN = {"api_key"}  # read by roboprompt-client
 LIBRARY = "import xllamacpp"
 WHAT_FOR = {
     "sim": "roboprompt demo, eval",
-    "datasets": "imports of LeRobot, robomimic, MCAP",
+    "datasets": "imports of LeRobot, robomimic",
     "video": "videos of LeRobot datasets",
     "postgres": "ROBOPROMPT_DATABASE_URL=postgresql://...",
     "s3": "ROBOPROMPT_BLOBS_URL",

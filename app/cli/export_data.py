@@ -57,8 +57,6 @@ def download(client: RoboPromptClient, ids: list[str]) -> Iterator[Parcel]:
                 image = partial(client.get_bytes, f"{address}/images/{camera['name']}/{kind}", original=True)
                 if (data := if_there(image)) is not None:
                     files[f"{kind}_{camera['name']}"] = data
-        for camera in client.get(address)["films"]:
-            files[f"film_{camera}"] = client.get_bytes(f"{address}/films/{camera}")
         yield Parcel(metadata, files)
 
 
@@ -80,7 +78,7 @@ def export_data(
         settings, ids = task_settings(client, task), episode_ids(client, task)
         writers: dict[str, Callable[[Path, Iterable[Parcel]], int]] = {
             "archive": lambda path, parcels: write_archive(path, task, settings, parcels),
-            "lerobot": partial(write_lerobot, say=partial(console.print, markup=False, soft_wrap=True)),
+            "lerobot": write_lerobot,
         }
         shown = episode_ids(client, task, left_out=False) if "lerobot" in targets else ids
         for name, path in targets.items():

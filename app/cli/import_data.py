@@ -1,12 +1,10 @@
 """`roboprompt import`: episodes that other tools recorded, sent to the service one after the other."""
 
 import json
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,17 +12,16 @@ import typer
 from rich.console import Console
 
 from app.cli.shared import INTERRUPTED, AsJson, Url, check_names, counted, errors_printed, if_there
-from app.datasets.apart import FORMATS, open_apart
-from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError, ReadLimits
+from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError
+from app.datasets.formats import FORMATS, open_dataset
 from app.datasets.options import ImportOptions, KnownObjects, read_changes, read_objects
-from app.datasets.parcel import Dataset, Parcel, canonical_json
+from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
-from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.errors import InvalidInputError, RoboPromptError, ServiceProblemError, ServiceUnreachableError
 
 Status = Literal["imported", "already_there", "damaged", "refused"]
-AHEAD = 4  # episodes that are read before they are uploaded, and wait in memory
 _MEDIA_TYPE = "application/octet-stream"
 MAX_SHOWN = 10  # reasons on the terminal; --json has all
 
@@ -54,12 +51,12 @@ def import_dataset(dataset: Dataset, client: RoboPromptClient) -> Iterator[Impor
     Raises:
         ServiceUnreachableError: in the middle, if the service goes away; what was sent stays.
     """
-    return _each(dataset, partial(_send, client))
+    return (_outcome(entry, partial(_send, client)) for entry in dataset.entries)
 
 
 def check_dataset(dataset: Dataset) -> Iterator[ImportResult]:
     """Yield the outcomes of an import, as far as they are known without the service."""
-    return _each(dataset, _check)
+    return (_outcome(entry, _check) for entry in dataset.entries)
 
 
 def prepare_tasks(dataset: Dataset, client: RoboPromptClient) -> list[str]:
@@ -80,30 +77,26 @@ def prepare_tasks(dataset: Dataset, client: RoboPromptClient) -> list[str]:
     return notes
 
 
-def _each(dataset: Dataset, handle: Callable[[str, Parcel], ImportResult]) -> Iterator[ImportResult]:
-    """Yield the outcome of each episode; while one is handled, the next are read."""
-    with ThreadPoolExecutor(1) as reader:
-        entries = iter(dataset.entries)
-        waiting = deque((entry.name, reader.submit(entry.read)) for entry in islice(entries, AHEAD - 1))
-        try:
-            while waiting:
-                waiting.extend((entry.name, reader.submit(entry.read)) for entry in islice(entries, 1))
-                yield _handled(*waiting.popleft(), handle)
-        finally:
-            reader.shutdown(cancel_futures=True)
-
-
-def _handled(name: str, reading: Future[Parcel], handle: Callable[[str, Parcel], ImportResult]) -> ImportResult:
+def _outcome(entry: Entry, handle: Callable[[str, Parcel], ImportResult]) -> ImportResult:
     try:
-        parcel = reading.result()
+        parcel = _read(entry)
         if not parcel.metadata["objects"]:
             reason = "the dataset names no objects: give their poses, mask ids or names with --objects FILE"
-            return ImportResult(name, "refused", reason, task=str(parcel.metadata["task"]))
-        return handle(name, parcel)
+            return ImportResult(entry.name, "refused", reason, task=str(parcel.metadata["task"]))
+        return handle(entry.name, parcel)
     except DamagedError as error:
-        return ImportResult(name, "damaged", str(error))
+        return ImportResult(entry.name, "damaged", str(error))
     except InvalidInputError as error:
-        return ImportResult(name, "refused", str(error))
+        return ImportResult(entry.name, "refused", str(error))
+
+
+def _read(entry: Entry) -> Parcel:
+    try:
+        return entry.read()
+    except RoboPromptError:
+        raise
+    except Exception as error:  # whatever a library raises over such a file
+        raise DamagedError(entry.name, f"cannot be read: {type(error).__name__}: {error!s:.300}") from error
 
 
 def _send(client: RoboPromptClient, name: str, parcel: Parcel) -> ImportResult:
@@ -146,15 +139,14 @@ def import_data(
     ] = None,
     form: Annotated[str | None, typer.Option("--format", help=", ".join(FORMATS))] = None,
     max_unpacked_mb: Annotated[
-        float, typer.Option(min=1, help="what the files of an episode may unpack to; memory is bounded by it, too")
+        float, typer.Option(min=1, help="what the files of an episode may unpack to")
     ] = MAX_UNPACKED_BYTES / MEGABYTE,
     dry_run: Annotated[bool, typer.Option(help="say what would be imported and what is missing")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Import a dataset. Episodes that are there already are skipped: the same command again continues where it stopped.
 
-    A damaged file is named and skipped; the exit status is 1 if anything could not be imported. Files are read by
-    a process of its own, within limits of memory and time.
+    A damaged file is named and skipped; the exit status is 1 if anything could not be imported.
     """
     check_names("--format", [] if form is None else [form], FORMATS)
     console = Console(stderr=as_json)
@@ -162,9 +154,9 @@ def import_data(
         known = KnownObjects() if objects is None else read_objects(objects)
         changes = read_changes(mapping, tuple(feature or ()))
         cameras = None if camera is None else tuple(camera)
-        limits = ReadLimits(int(max_unpacked_mb * MEGABYTE))
-        with open_apart(path, ImportOptions(task, instruction, known, cameras, changes, limits), form) as dataset:
-            summary = _import(dataset, None if dry_run else url, console)
+        limit_bytes = int(max_unpacked_mb * MEGABYTE)
+        dataset = open_dataset(path, ImportOptions(task, instruction, known, cameras, changes, limit_bytes), form)
+        summary = _import(dataset, None if dry_run else url, console)
     _report(console, summary)
     if as_json:
         print(json.dumps(summary))  # noqa: T201

@@ -52,9 +52,9 @@ def write_archive(target: Path, task: str, settings: Mapping[str, Any], parcels:
 
 def open_archive(path: Path, options: ImportOptions) -> Dataset:
     """Return the episodes and the task's settings; raises DatasetError if it is another file, or damaged."""
-    budget = Budget(path, options.limits)
+    budget = Budget(path, options.max_unpacked_bytes)
     try:
-        archive = zipfile.ZipFile(path)  # stays open while the dataset is read, from several threads
+        archive = zipfile.ZipFile(path)  # stays open while the dataset is read
         task, digests = _manifest(archive, budget)
     except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError) as error:
         raise DatasetError(f"{path}: is no archive of a task: {error}") from error
@@ -88,8 +88,8 @@ def _parcel(
 ) -> Parcel:
     where = f"{archive.filename}: {names[0].rpartition('/')[0]}"
     # The sum is checked before the first member is unpacked.
-    Budget(where, options.limits).take(sum(archive.getinfo(name).file_size for name in names))
-    budget = Budget(where, options.limits)
+    Budget(where, options.max_unpacked_bytes).take(sum(archive.getinfo(name).file_size for name in names))
+    budget = Budget(where, options.max_unpacked_bytes)
     files = {name.rpartition("/")[2]: _read(archive, name, digests, budget) for name in names}
     try:
         metadata = checked_metadata(where, json.loads(files.pop(METADATA)))

@@ -8,7 +8,6 @@ import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from uuid import uuid4
 
@@ -21,6 +20,10 @@ REMEDY = "--max-unpacked-mb allows more, if you trust where it comes from"
 
 class DatasetError(RoboPromptError):
     """A dataset as a whole cannot be read or written."""
+
+    def __init__(self, message: str) -> None:
+        # Names in a dataset could move the cursor of the terminal that shows them.
+        super().__init__("".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in message))
 
 
 class MissingPackageError(DatasetError):
@@ -35,28 +38,13 @@ class DamagedError(DatasetError):
 
     def __init__(self, file: object, reason: object) -> None:
         super().__init__(f"{file}: {reason}")
-        self.file, self.reason = str(file), str(reason)
-
-
-@dataclass(frozen=True)
-class ReadLimits:
-    """Limits on reading one episode, or the list of episodes."""
-
-    unpacked_bytes: int = MAX_UNPACKED_BYTES  # size of its unpacked files
-    seconds: float = 300.0  # until it is read
-
-    @property
-    def memory_bytes(self) -> int:
-        """Memory of the reading process beside its code: the unpacked files, a copy of them, and working memory."""
-        return 2 * self.unpacked_bytes + 500 * MEGABYTE
 
 
 class Budget:
-    """Counts the unpacked bytes of a file, `where`, and refuses too many."""
+    """Counts the unpacked bytes of a file, `where`, and refuses more than `limit_bytes`."""
 
-    def __init__(self, where: object, limits: ReadLimits) -> None:
-        self._where = where
-        self._limit_bytes = limits.unpacked_bytes
+    def __init__(self, where: object, limit_bytes: int = MAX_UNPACKED_BYTES) -> None:
+        self._where, self._limit_bytes = where, limit_bytes
         self._taken_bytes = 0
 
     @property

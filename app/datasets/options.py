@@ -27,7 +27,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from app.datasets.bounds import DatasetError, ReadLimits
+from app.datasets.bounds import MAX_UNPACKED_BYTES, DatasetError
 from app.datasets.parcel import ObjectEntry
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import camera_from_json
@@ -102,7 +102,7 @@ class ImportOptions:
         objects: that the dataset does not contain.
         cameras: only these; None for all.
         features: changes of the mapping of columns, as JSON, for formats with columns.
-        limits: on reading an episode.
+        max_unpacked_bytes: of an episode, or of the list of episodes.
     """
 
     task: str | None = None
@@ -110,7 +110,7 @@ class ImportOptions:
     objects: KnownObjects = field(default_factory=KnownObjects)
     cameras: tuple[str, ...] | None = None
     features: Mapping[str, Any] = field(default_factory=dict)
-    limits: ReadLimits = field(default_factory=ReadLimits)
+    max_unpacked_bytes: int = MAX_UNPACKED_BYTES
 
     @property
     def given(self) -> dict[str, str]:

@@ -19,7 +19,6 @@ from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory
 FINE_M, COARSE_M = 0.0001, 0.001  # meters per unit: 16 bits reach 6.5 m or 65 m
 _MAX_UNITS = np.iinfo(np.uint16).max
 KEY_PREFIX = "import-"
-FILM_PREFIX = "film_"
 EDITED = ("left_out", "note", "uploaded_instruction")  # metadata that corrections of an episode change
 
 
@@ -117,14 +116,10 @@ class Parcel:
         return cls(metadata, {"trajectory": npz_from_trajectory(trajectory), **(images or {})}, notes)
 
     @property
-    def films(self) -> list[str]:
-        return [name for name in self.files if name.startswith(FILM_PREFIX)]
-
-    @property
     def key(self) -> str:
-        """An idempotency key from the content but films, whose bytes depend on codecs; exports and edits keep it."""
+        """An idempotency key from the content; exports and edits keep it."""
         digest = hashlib.sha256(canonical_json(_essence(_as_uploaded(self.metadata))))
-        for name in sorted(self.files.keys() - set(self.films)):
+        for name in sorted(self.files):
             digest.update(f"\0{name}\0".encode() + hashlib.sha256(self.files[name]).digest())
         return f"{KEY_PREFIX}{digest.hexdigest()}"
 

@@ -65,7 +65,7 @@ def _episode_folders(root: Path) -> list[Path]:
 
 
 def _read(root: Path, folder: Path, name: str, options: ImportOptions) -> Parcel:
-    budget = Budget(folder, options.limits)
+    budget = Budget(folder, options.max_unpacked_bytes)
     observations = load_demo(root, folder / LOW_DIM, budget)
     misc: dict[str, Any] = observations[0].get("misc") or {}
     if not isinstance(misc, dict):

@@ -147,8 +147,6 @@ def _load(root: Path, path: Path, budget: Budget) -> Any:  # noqa: ANN401
     data = read_inside(root, path, budget)
     try:
         return _Unpickler(io.BytesIO(data)).load()
-    except MemoryError:
-        raise
     except Exception as error:  # a damaged pickle may raise anything
         raise DamagedError(path, f"cannot be read: {str(error) or type(error).__name__}") from error
 

@@ -109,7 +109,7 @@ def _read(path: Path, name: str, described: dict[str, Any], options: ImportOptio
     where = f"{path}: data/{name}"
     try:
         with open_file(path) as file:
-            columns, images = _columns(child(child(file, "data"), name), Budget(where, options.limits))
+            columns, images = _columns(child(child(file, "data"), name), Budget(where, options.max_unpacked_bytes))
     except (OSError, KeyError, RuntimeError, TypeError) as error:  # RuntimeError: h5py's for damaged chunks
         raise DamagedError(where, f"cannot be read: {error}") from error
 

@@ -8,8 +8,8 @@ import zipfile
 import pytest
 
 from app.cli.import_data import check_dataset
-from app.datasets.apart import open_apart, open_dataset
 from app.datasets.bounds import DatasetError
+from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
 from roboprompt_client.errors import InvalidInputError
 
@@ -82,29 +82,10 @@ def test_compressions_whose_memory_nothing_bounds(tmp_path, compression):
 
 
 def test_what_a_file_says_moves_no_terminals_cursor(tmp_path):
-    with (
-        open_apart(archive(tmp_path / "a.zip", {**METADATA, "task": "\x1b[2J"}), ImportOptions()) as dataset,
-        pytest.raises((DatasetError, InvalidInputError)) as caught,
-    ):
-        dataset.entries[0].read()
+    (entry,) = open_dataset(archive(tmp_path / "a.zip", {**METADATA, "task": "\x1b[2J"}), ImportOptions()).entries
+    with pytest.raises((DatasetError, InvalidInputError)) as caught:
+        entry.read()
     assert "\x1b" not in str(caught.value)
-
-
-def test_the_reader_knows_no_keys(monkeypatch, tmp_path):
-    """What breaks out of a library's hands finds nothing in its process's environment."""
-    from app.datasets import apart
-
-    monkeypatch.setenv("ROBOPROMPT_API_KEY", "rp_planted")
-    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "planted")
-    assert not [value for value in apart._environment().values() if "planted" in value]
-
-
-def test_a_reader_that_takes_too_long_is_ended(tmp_path):
-    from app.datasets.bounds import ReadLimits
-
-    path = archive(tmp_path / "a.zip")
-    with (
-        pytest.raises(DatasetError, match=r"takes more than 0\.01 s"),
-        open_apart(path, ImportOptions(limits=ReadLimits(seconds=0.01))),
-    ):
-        pass
+    with pytest.raises(DatasetError) as caught:
+        open_dataset(archive(tmp_path / "\x1b[2J.zip", settings=[]), ImportOptions())
+    assert "\x1b" not in str(caught.value)

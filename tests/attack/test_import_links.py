@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 import pytest
 
-from app.datasets.apart import open_dataset
 from app.datasets.bounds import Budget, DamagedError, DatasetError
+from app.datasets.formats import open_dataset
 from app.datasets.lerobot.files import Info, Place
 from app.datasets.lerobot.reader import first_image
 from app.datasets.lerobot.writer import write_lerobot
@@ -181,13 +181,6 @@ def test_a_pipe_is_no_file(tmp_path):
         open_dataset(tmp_path / "set", OPTIONS).entries[0].read()
 
 
-def test_mcap_file_that_is_a_link(tmp_path, secret):
-    (tmp_path / "set").mkdir()
-    (tmp_path / "set/run.mcap").symlink_to(secret / "secret.bin")
-    with pytest.raises(DamagedError, match=ELSEWHERE):
-        open_dataset(tmp_path / "set", OPTIONS)
-
-
 PLAYLISTS = {
     "concat": "ffconcat version 1.0\nfile secret.mp4\n",
     "hls": "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nsecret.mp4\n#EXT-X-ENDLIST\n",
@@ -202,10 +195,11 @@ def test_a_video_that_is_a_list_of_other_files(tmp_path, kind):
         stream.width, stream.height = 64, 48
         container.mux(stream.encode(av.VideoFrame.from_ndarray(np.full((48, 64, 3), 42, np.uint8))))
         container.mux(stream.encode())
-    info = Info(tmp_path, "v2.1", 10.0, {"seen": {"dtype": "video"}}, "", "{video_key}.mp4", 1000)
-    place = Place(0, 1, None, tmp_path, None, {})
+    info = Info(tmp_path, 10.0, {"seen": {"dtype": "video"}}, "", "{video_key}.mp4")
+    row = {"videos/seen/chunk_index": 0, "videos/seen/file_index": 0, "videos/seen/from_timestamp": 0.0}
+    place = Place(0, 1, None, tmp_path, 0, row)
     (tmp_path / "seen.mp4").write_text(PLAYLISTS[kind])
     with pytest.raises(DamagedError, match=r"seen\.mp4: cannot be decoded"):
-        first_image(info, place, Budget(tmp_path, OPTIONS.limits), "seen")
+        first_image(info, place, Budget(tmp_path), "seen")
     (tmp_path / "seen.mp4").write_bytes((tmp_path / "secret.mp4").read_bytes())
-    assert first_image(info, place, Budget(tmp_path, OPTIONS.limits), "seen").startswith(b"\x89PNG")
+    assert first_image(info, place, Budget(tmp_path), "seen").startswith(b"\x89PNG")

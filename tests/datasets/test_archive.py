@@ -2,9 +2,9 @@ import zipfile
 
 import pytest
 
-from app.datasets.apart import open_dataset
 from app.datasets.archive import write_archive
 from app.datasets.bounds import DamagedError, DatasetError
+from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
 from roboprompt_client.errors import InvalidInputError
 from tests.datasets.parcels import parcel, parcels

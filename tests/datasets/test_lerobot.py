@@ -8,16 +8,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from app.datasets.apart import open_dataset
 from app.datasets.bounds import DamagedError, DatasetError, MissingPackageError
+from app.datasets.formats import open_dataset
 from app.datasets.lerobot.writer import write_lerobot
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
 from app.perception.images import decode_rgb
-from app.untrusted_arrays import film_from_npz, trajectory_from_npz
+from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory
-from tests.datasets.parcels import PLACES_M, parcel, parcels
-from tests.episodes import camera, film_npz, jpeg, png
+from tests.datasets.parcels import parcel, parcels
+from tests.episodes import camera, png
 
 FPS = 10
 LENGTHS = (6, 9)
@@ -30,7 +30,8 @@ ARM = {
     "gripper": "action",
     "gripper_open_above": 0.5,
 }
-FRONT = {**camera(width=64, height=48), "rgb": "observation.images.front"}
+IMAGES = "observation.images.front"
+FRONT = {**camera(width=64, height=48), "rgb": IMAGES}
 
 
 def test_export_and_import_give_the_same_episodes(tmp_path):
@@ -74,62 +75,6 @@ def test_what_policies_train_on(tmp_path):
     assert stats["action"]["count"] == [3 * frames]
 
 
-def with_films(parcel, **films):
-    return replace(parcel, files={**parcel.files, **films})
-
-
-TIMES_S = (0.003, 0.2, 0.45, 0.9)  # of a recording that begins at 0.003 s and has a row each 0.05 s
-ODD = film_npz(TIMES_S, [jpeg(number, 65, 49) for number in range(4)])
-
-
-def test_films_are_videos_with_a_picture_for_each_row(tmp_path):
-    sent = [with_films(parcel(place_m), film_front=ODD, film_wrist=film_npz(TIMES_S)) for place_m in PLACES_M[:2]]
-    said = []
-    write_lerobot(tmp_path / "set", [*sent, with_films(parcel(PLACES_M[2]), film_front=ODD)], said.append)
-    assert said == ["no video of wrist: not every episode has a film of that camera, of one size"]
-    info = json.loads((tmp_path / "set/meta/info.json").read_text())
-    key = "observation.images.front"
-    assert [name for name, item in info["features"].items() if item["dtype"] == "video"] == [key]
-    assert info["features"][key]["shape"] == [48, 64, 3]
-    (rows,) = (tmp_path / "set/meta/episodes").glob("*/*.parquet")
-    for row in pq.read_table(rows).to_pylist():
-        place = {name: row[f"videos/{key}/{name}_index"] for name in ("chunk", "file")}
-        path = info["video_path"].format(video_key=key, chunk_index=place["chunk"], file_index=place["file"])
-        with av.open(str(tmp_path / "set" / path)) as container:
-            pictures = list(container.decode(video=0))
-        assert [picture.time for picture in pictures] == pytest.approx(np.arange(row["length"]) / 20, abs=1e-4)
-        shades = [round(picture.to_ndarray(format="rgb24").mean() / 40) for picture in pictures]
-        assert shades == [0] * 4 + [1] * 5 + [2] * 9 + [3] * 3
-        assert row[f"videos/{key}/to_timestamp"] == pytest.approx(row["length"] / 20)
-        assert np.shape(row[f"stats/{key}/mean"]) == (3, 1, 1)
-    stats = json.loads((tmp_path / "set/meta/stats.json").read_text())[key]
-    assert np.shape(stats["std"]) == (3, 1, 1)
-    assert (np.min(stats["min"]), np.max(stats["max"])) == (0, pytest.approx(120 / 255, abs=0.01))
-
-
-def test_films_come_back_as_they_were_uploaded(tmp_path):
-    sent = with_films(parcel(), film_front=ODD, film_wrist=film_npz([0.5]))
-    write_lerobot(tmp_path / "set", [sent])
-    (entry,) = open_dataset(tmp_path / "set", ImportOptions()).entries
-    assert entry.read().files == sent.files
-    assert entry.read().key == sent.key
-
-
-def test_without_av_a_dataset_has_no_videos(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "av", None)
-    said = []
-    write_lerobot(tmp_path / "set", [with_films(parcel(), film_front=ODD)], said.append)
-    assert "no video of front: videos of LeRobot datasets need" in said[0]
-    assert json.loads((tmp_path / "set/meta/info.json").read_text())["video_path"] is None
-
-
-def test_a_film_of_what_is_no_picture_is_left_out(tmp_path):
-    damaged = film_npz([0.1, 0.2], [b"\xff\xd8\xff no picture \xff\xd9", jpeg()])
-    said = []
-    write_lerobot(tmp_path / "set", [with_films(parcel(), film_front=film) for film in (ODD, damaged)], said.append)
-    assert said == ["no video of front: not every episode has a film of that camera, of one size"]
-
-
 def test_measured_rates_near_one_whole_number_are_exported(tmp_path):
     measured = [parcel(), parcel()]
     for item, rate_hz in zip(measured, (19.93, 20.21), strict=True):
@@ -162,7 +107,7 @@ def frames(length, index):
         "observation.state": np.column_stack([np.outer(t, np.ones(7)), t]).astype(np.float32).tolist(),
         "observation.pose": pose.tolist(),
         "action": (t < 0.3).astype(np.float32),
-        "observation.images.front": [{"bytes": image, "path": None}] * length,
+        IMAGES: [{"bytes": image, "path": None}] * length,
         "episode_index": np.full(length, index),
         "index": np.arange(length) + sum(LENGTHS[:index]),
     }
@@ -173,24 +118,23 @@ def features(image="image"):
         "observation.state": ("float32", [8]),
         "observation.pose": ("float64", [6]),
         "action": ("float32", [1]),
-        "observation.images.front": (image, [48, 64, 3]),
+        IMAGES: (image, [48, 64, 3]),
         "episode_index": ("int64", [1]),
         "index": ("int64", [1]),
     }
     return {name: {"dtype": dtype, "shape": shape, "names": None} for name, (dtype, shape) in kinds.items()}
 
 
-def write_info(root, version, **paths):
-    (root / "meta").mkdir(parents=True)
-    info = {"codebase_version": version, "fps": FPS, "chunks_size": 1000, "features": features(), **paths}
+@pytest.fixture
+def foreign(tmp_path):
+    """Two episodes in one file."""
+    root = tmp_path / "their set"
+    (root / "meta/episodes/chunk-000").mkdir(parents=True)
+    data = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+    info = {"codebase_version": "v3.0", "fps": FPS, "features": features(), "data_path": data, "video_path": None}
     (root / "meta/info.json").write_text(json.dumps(info))
-
-
-def write_3(root):
-    """Two episodes in one file, as v3.0 keeps them."""
-    write_info(root, "v3.0", data_path="data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", video_path=None)
-    tables = [pa.table(frames(length, index)) for index, length in enumerate(LENGTHS)]
     (root / "data/chunk-000").mkdir(parents=True)
+    tables = [pa.table(frames(length, index)) for index, length in enumerate(LENGTHS)]
     pq.write_table(pa.concat_tables(tables), root / "data/chunk-000/file-000.parquet")
     rows = [
         {
@@ -200,31 +144,20 @@ def write_3(root):
             "data/chunk_index": 0,
             "data/file_index": 0,
             "dataset_from_index": sum(LENGTHS[:index]),
-            "dataset_to_index": sum(LENGTHS[: index + 1]),
+            f"videos/{IMAGES}/chunk_index": 0,
+            f"videos/{IMAGES}/file_index": 0,
+            f"videos/{IMAGES}/from_timestamp": sum(LENGTHS[:index]) / FPS,
             "stats/action/min": [0.0],
         }
         for index, length in enumerate(LENGTHS)
     ]
-    (root / "meta/episodes/chunk-000").mkdir(parents=True)
     pq.write_table(pa.Table.from_pylist(rows), root / "meta/episodes/chunk-000/file-000.parquet")
+    return root
 
 
-def write_2(root):
-    """The same two episodes, each in a file of its own."""
-    path = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
-    write_info(root, "v2.1", data_path=path, video_path=None)
-    (root / "data/chunk-000").mkdir(parents=True)
-    lines = []
-    for index, length in enumerate(LENGTHS):
-        pq.write_table(pa.table(frames(length, index)), root / f"data/chunk-000/episode_{index:06d}.parquet")
-        lines.append(json.dumps({"episode_index": index, "tasks": [f"do {index}"], "length": length}))
-    (root / "meta/episodes.jsonl").write_text("\n".join(lines) + "\n")
-
-
-@pytest.fixture(params=[write_3, write_2])
-def foreign(request, tmp_path):
-    request.param(tmp_path / "their set")
-    return tmp_path / "their set"
+def change_info(root, **changes):
+    path = root / "meta/info.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
 
 
 def options(**wishes):
@@ -252,48 +185,27 @@ def test_images_without_calibration_are_left_out_with_a_note(foreign):
     assert "calibration of observation.images.front: images are left out" in read.notes
 
 
-def test_a_damaged_file_is_named_and_the_others_are_read(tmp_path):
-    write_2(tmp_path)
-    (tmp_path / "data/chunk-000/episode_000000.parquet").write_bytes(b"PAR1 and no more")
-    first, second = open_dataset(tmp_path, options()).entries
-    with pytest.raises(DamagedError, match=r"episode_000000\.parquet: cannot be read"):
-        first.read()
-    assert second.read().metadata["instruction"] == "do 1"
-
-
-def test_versions_and_descriptions_that_cannot_be_read(tmp_path):
-    write_3(tmp_path)
-    info = json.loads((tmp_path / "meta/info.json").read_text())
-    (tmp_path / "meta/info.json").write_text(json.dumps({**info, "codebase_version": "v1.6"}))
-    with pytest.raises(DatasetError, match=r"version v1\.6"):
-        open_dataset(tmp_path, options())
-    (tmp_path / "meta/info.json").write_text("{")
+def test_versions_and_descriptions_that_cannot_be_read(foreign):
+    change_info(foreign, codebase_version="v2.1")
+    with pytest.raises(DatasetError, match=r"version v2\.1, can be read: v3\.0"):
+        open_dataset(foreign, options())
+    (foreign / "meta/info.json").write_text("{")
     with pytest.raises(DatasetError, match=r"info\.json: cannot be read"):
-        open_dataset(tmp_path, options())
+        open_dataset(foreign, options())
 
 
 @pytest.fixture
-def filmed(tmp_path):
-    write_2(tmp_path)
-    video = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
-    info = json.loads((tmp_path / "meta/info.json").read_text())
-    (tmp_path / "meta/info.json").write_text(json.dumps({**info, "features": features("video"), "video_path": video}))
-    for index, length in enumerate(LENGTHS):
-        path = tmp_path / f"videos/chunk-000/observation.images.front/episode_{index:06d}.mp4"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_clip(path, [60 + 100 * index] + [10] * (length - 1))
-    return tmp_path
-
-
-def write_clip(path, shades):
-    """A video of frames of one shade each."""
-    with av.open(str(path), "w") as container:
+def filmed(foreign):
+    """The same with a video of both episodes instead of embedded images."""
+    change_info(foreign, features=features("video"), video_path="{video_key}-{chunk_index}-{file_index}.mp4")
+    with av.open(str(foreign / f"{IMAGES}-0-0.mp4"), "w") as container:
         stream = container.add_stream("mpeg4", rate=FPS)
         stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
-        for shade in shades:
+        for shade in [60] + [10] * (LENGTHS[0] - 1) + [160] + [10] * (LENGTHS[1] - 1):
             picture = av.VideoFrame.from_ndarray(np.full((48, 64, 3), shade, np.uint8), format="rgb24")
             container.mux(stream.encode(picture))
         container.mux(stream.encode())
+    return foreign
 
 
 def test_the_first_picture_of_a_video(filmed):
@@ -302,53 +214,31 @@ def test_the_first_picture_of_a_video(filmed):
         np.testing.assert_allclose(decode_rgb("rgb", item.files["rgb_front"]), shade, atol=6)
 
 
-def test_videos_become_films(filmed):
-    """Ten pictures a second, of which every second is kept."""
-    for entry, length, shade in zip(open_dataset(filmed, options()).entries, LENGTHS, (60, 160), strict=True):
-        read = entry.read()
-        assert sorted(read.files) == ["film_front", "trajectory"]
-        film = film_from_npz("front", read.files["film_front"])
-        assert film.times_s.tolist() == pytest.approx(np.arange(0, length, 2) / FPS)
-        first, second = (decode_rgb("film", picture) for picture in film.pictures[:2])
-        np.testing.assert_allclose(first, shade, atol=6)
-        np.testing.assert_allclose(second, 10, atol=8)
-        assert read.notes[-1] == "calibration of observation.images.front: images are left out"
-    assert replace(read, files={"trajectory": read.files["trajectory"]}).key == read.key
-    (entry, _) = open_dataset(filmed, replace(options(), cameras=("side",))).entries
-    assert list(entry.read().files) == ["trajectory"]
-
-
-def test_a_video_that_cannot_be_read_costs_only_the_film(filmed, monkeypatch):
-    (filmed / "videos/chunk-000/observation.images.front/episode_000000.mp4").write_bytes(b"no video")
-    first, second = (entry.read() for entry in open_dataset(filmed, options()).entries)
-    assert "episode_000000.mp4: cannot be decoded" in first.notes[-1]
-    assert list(first.files) == ["trajectory"]
-    assert "film_front" in second.files
-    monkeypatch.setitem(sys.modules, "av", None)
-    without = open_dataset(filmed, options()).entries[1].read()
-    assert "film of observation.images.front: videos of LeRobot datasets need" in without.notes[-1]
-
-
-def test_a_dataset_that_does_not_say_where_its_videos_are(tmp_path):
-    write_3(tmp_path)
-    info = json.loads((tmp_path / "meta/info.json").read_text())
-    video = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
-    for path, why in ((video, "does not say where"), (None, "names no video_path")):
-        changed = {**info, "features": features("video"), "video_path": path}
-        (tmp_path / "meta/info.json").write_text(json.dumps(changed))
-        read = open_dataset(tmp_path, options()).entries[0].read()
-        assert list(read.files) == ["trajectory"]
-        assert why in read.notes[-1]
-
-
-def test_videos_say_what_they_need(filmed, monkeypatch):
+def test_a_video_that_cannot_be_read_is_named(filmed, monkeypatch):
+    (filmed / f"{IMAGES}-0-0.mp4").write_bytes(b"no video")
+    (entry, _) = open_dataset(filmed, options(cameras=[FRONT])).entries
+    with pytest.raises(DamagedError, match=r"mp4: cannot be decoded"):
+        entry.read()
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(MissingPackageError, match="pip install av"):
-        open_dataset(filmed, options(cameras=[FRONT])).entries[0].read()
+        entry.read()
 
 
-def test_parquet_says_what_it_needs(tmp_path, monkeypatch):
-    write_3(tmp_path)
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"video_path": None}, "names no video_path"),
+        ({"features": features("video") | {"side": {"dtype": "video"}}}, "does not say where side is"),
+    ],
+)
+def test_a_dataset_that_does_not_say_where_its_videos_are(filmed, changes, why):
+    change_info(filmed, **changes)
+    front = {**FRONT, "rgb": "side" if "features" in changes else IMAGES}
+    with pytest.raises(DamagedError, match=why):
+        open_dataset(filmed, options(cameras=[front])).entries[0].read()
+
+
+def test_parquet_says_what_it_needs(foreign, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(MissingPackageError, match="pip install pyarrow"):
-        open_dataset(tmp_path, options())
+        open_dataset(foreign, options())

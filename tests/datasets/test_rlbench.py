@@ -3,8 +3,8 @@ import pickle
 import numpy as np
 import pytest
 
-from app.datasets.apart import open_dataset
-from app.datasets.bounds import Budget, DamagedError, DatasetError, ReadLimits
+from app.datasets.bounds import Budget, DamagedError, DatasetError
+from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
 from app.datasets.rlbench_pickle import load_demo
@@ -60,7 +60,7 @@ def test_keyframes_are_those_of_the_recording(folder, tmp_path):
 @pytest.mark.parametrize("protocol", [2, 3, 4, 5])
 def test_every_protocol_of_a_pickle(tmp_path, protocol):
     peract.write_episode(tmp_path / "episode0", pick_trajectory(peract.DRAWER_M), protocol=protocol)
-    first = load_demo(tmp_path, tmp_path / "episode0/low_dim_obs.pkl", Budget(tmp_path, ReadLimits()))[0]
+    first = load_demo(tmp_path, tmp_path / "episode0/low_dim_obs.pkl", Budget(tmp_path))[0]
     assert first.get("gripper_pose").shape == (7,)
     assert float(first.get("ignore_collisions")) == 1.0
 

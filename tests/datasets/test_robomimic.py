@@ -5,8 +5,8 @@ import h5py
 import numpy as np
 import pytest
 
-from app.datasets.apart import open_dataset
 from app.datasets.bounds import DamagedError, DatasetError, MissingPackageError
+from app.datasets.formats import open_dataset
 from app.datasets.options import ImportOptions
 from app.perception.images import decode_rgb
 from app.pipeline.keyframes import Motion, merged

@@ -15,7 +15,7 @@ from app.untrusted_arrays import trajectory_from_npz
 from tests.datasets import peract_folder as peract
 from tests.datasets.parcels import parcels
 from tests.e2e.processes import running_server
-from tests.episodes import arrays, camera, film_npz, metadata, multipart, npz, pick_trajectory, png
+from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png
 
 PLACES_M = ((0.25, 0.05, 0.9), (0.2, 0.1, 0.9), (0.3, -0.1, 0.9))
 
@@ -104,8 +104,7 @@ def upload_everything(http, task):
         "depth_front": npy(rng.uniform(0.5, 1, (48, 64))),
         "mask_front": npy(rng.integers(0, 99, (48, 64))),
     }
-    film = film_npz([0.0, 0.5, 1.0])
-    sent = multipart(document, npz(**arrays(pick_trajectory((0.1, 0.0, 0.8)))), **images, film_wrist=film)
+    sent = multipart(document, npz(**arrays(pick_trajectory((0.1, 0.0, 0.8)))), **images)
     answer = http.post("/episodes", files=sent)
     assert answer.status_code == 201, answer.text
     return answer.json()["id"], document, images

@@ -1,1 +1,1 @@
-"""LeRobot datasets, read in versions 3.0, 2.1 and 2.0 and written in 3.0, without the package `lerobot`."""
+"""LeRobot datasets, version 3.0, read and written without the package `lerobot`."""

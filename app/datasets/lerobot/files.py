@@ -1,7 +1,6 @@
-"""Reads the rows, images and instruction of each episode from the files of a LeRobot dataset, version 3.0 to 2.0.
+"""Where the rows and instruction of each episode are in a LeRobot dataset, version 3.0: meta/episodes lists them.
 
-v3.0 has many episodes in a file, whose rows meta/episodes lists; v2 has a file for each. Objects, calibrated cameras
-and their first images, for which LeRobot has no place, are in additional files:
+Objects, calibrated cameras and their first images, for which LeRobot has no place, are in additional files:
 
     meta/roboprompt/episode_000000/metadata.json   as it was uploaded
                                    rgb_front       the image files, byte for byte
@@ -21,7 +20,7 @@ from app.datasets.parcel import Parcel, canonical_json, checked_metadata
 FOLDER = Path("meta/roboprompt")
 METADATA = "metadata.json"
 INFO = Path("meta/info.json")
-VERSIONS = ("v3.0", "v2.1", "v2.0")
+VERSION = "v3.0"
 _PLACE = re.compile(r"\{(?P<name>\w+)(?::0?(?P<width>\d))?(?P<decimal>d?)\}")
 _NUMBERS = ("float16", "float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "bool")
 
@@ -50,11 +49,6 @@ def write_scene(root: Path, index: int, parcel: Parcel) -> None:
             (folder / name).write_bytes(data)
 
 
-def read_file(root: Path, index: int, name: str) -> bytes:
-    """Return a file that `write_scene` wrote."""
-    return (_folder(root, index) / name).read_bytes()
-
-
 def _folder(root: Path, index: int) -> Path:
     return root / FOLDER / f"episode_{int(index):06d}"
 
@@ -64,12 +58,10 @@ class Info:
     """The contents of meta/info.json of the dataset in the folder `root`."""
 
     root: Path
-    version: str
     fps: float
     features: Mapping[str, Mapping[str, Any]]  # by name, with dtype, shape and names
     data_path: str
     video_path: str | None
-    chunks_size: int
 
     def named(self, *dtypes: str) -> list[str]:
         return [name for name, item in self.features.items() if item["dtype"] in dtypes]
@@ -87,8 +79,8 @@ class Place:
     length: int
     instruction: str | None
     data_file: Path
-    first_row: int | None  # in the data file; None in v2.1, whose files hold one episode each
-    row: Mapping[str, Any]  # of meta/episodes, which in v3.0 has the start of an episode in its video file
+    first_row: int  # in the data file
+    row: Mapping[str, Any]  # of meta/episodes, which has the start of an episode in its video file
 
 
 def read_info(root: Path, budget: Budget) -> Info:
@@ -97,26 +89,25 @@ def read_info(root: Path, budget: Budget) -> Info:
         document = json.loads(read_inside(root, INFO, budget))
         info = Info(
             root,
-            document["codebase_version"],
             float(document["fps"]),
             {str(name): dict(item) for name, item in document["features"].items()},
             str(document["data_path"]),
             None if document.get("video_path") is None else str(document["video_path"]),
-            int(document.get("chunks_size", 1000)),
         )
+        version = document["codebase_version"]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise DatasetError(f"{root / INFO}: cannot be read: {error!r}") from error
-    if info.version not in VERSIONS:
-        raise DatasetError(f"{root / INFO}: version {info.version}, can be read: {', '.join(VERSIONS)}")
-    if not info.fps > 0 or info.chunks_size < 1 or any("dtype" not in item for item in info.features.values()):
-        raise DatasetError(f"{root / INFO}: fps, chunks_size or the dtype of a feature is none")
+    if version != VERSION:
+        raise DatasetError(f"{root / INFO}: version {version}, can be read: {VERSION}")
+    if not info.fps > 0 or any("dtype" not in item for item in info.features.values()):
+        raise DatasetError(f"{root / INFO}: fps or the dtype of a feature is none")
     return info
 
 
 def read_places(info: Info, budget: Budget) -> list[Place]:
     """Return every episode; raises DatasetError if their list is damaged or names files elsewhere."""
     try:
-        return _places_3(info, budget) if info.version == "v3.0" else _places_2(info, budget)
+        return _places(info, budget)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise DatasetError(f"{info.root}: its list of episodes is not as it should be: {error!r}") from error
 
@@ -140,7 +131,7 @@ def path_of(root: Path, template: str, **values: object) -> Path:
     return inside(root, path)
 
 
-def _places_3(info: Info, budget: Budget) -> list[Place]:
+def _places(info: Info, budget: Budget) -> list[Place]:
     root = info.root
     files = sorted(inside(root, path) for path in (root / "meta/episodes").glob("*/*.parquet"))
     if not files:
@@ -159,20 +150,3 @@ def _places_3(info: Info, budget: Budget) -> list[Place]:
         first_row = row["dataset_from_index"] - start
         places.append(Place(row["episode_index"], row["length"], tasks[0], path, first_row, row))
     return places
-
-
-def _places_2(info: Info, budget: Budget) -> list[Place]:
-    places = []
-    for row in _json_lines(info.root, "meta/episodes.jsonl", budget):
-        index = row["episode_index"]
-        path = path_of(info.root, info.data_path, episode_chunk=index // info.chunks_size, episode_index=index)
-        tasks = row.get("tasks") or [None]
-        places.append(Place(index, row["length"], tasks[0], path, None, row))
-    return places
-
-
-def _json_lines(root: Path, name: str, budget: Budget) -> list[dict[str, Any]]:
-    try:
-        return [json.loads(line) for line in read_inside(root, name, budget).splitlines() if line.strip()]
-    except ValueError as error:
-        raise DatasetError(f"{root / name}: cannot be read: {error}") from error

@@ -1,8 +1,7 @@
-"""Reads LeRobot datasets, versions 3.0, 2.1 and 2.0.
+"""Reads LeRobot datasets, version 3.0.
 
 A dataset exported by this project contains its scenes (`meta/roboprompt`). Other datasets need a mapping of their
-columns, unless these are named as in `DEFAULTS`. A camera's first frame is an embedded image or the start of a video;
-videos become films, embedded images do not.
+columns, unless these are named as in `DEFAULTS`. A camera's first frame is an embedded image or the start of a video.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,16 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.bounds import Budget, DamagedError, DatasetError, read_inside
+from app.datasets.bounds import Budget, DamagedError, read_inside
 from app.datasets.columns import ColumnEpisode, Columns, trajectory_of
-from app.datasets.lerobot.files import INFO, Info, Place, read_info, read_places, read_scene
+from app.datasets.lerobot.files import INFO, VERSION, Info, Place, read_info, read_places, read_scene
 from app.datasets.lerobot.tables import numbers_of, read_table, read_value
-from app.datasets.lerobot.video import KEY, film_from_video, first_picture
+from app.datasets.lerobot.video import first_picture
 from app.datasets.options import FeatureMap, ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel
-from app.untrusted_arrays import trajectory_from_npz
-from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.film import npz_from_film
 from roboprompt_client.types.trajectory import npz_from_trajectory
 
 JOINT_VELOCITIES = "observation.joint_velocities"
@@ -56,13 +52,13 @@ def first_image(info: Info, place: Place, budget: Budget, feature: str) -> bytes
 
 
 def _embedded(root: Path, place: Place, feature: str, budget: Budget) -> bytes:
-    value = read_value(place.data_file, feature, place.first_row or 0, budget)
+    value = read_value(place.data_file, feature, place.first_row, budget)
     image: Mapping[str, Any] = value if isinstance(value, dict) else {}
     if image.get("bytes"):
         return bytes(image["bytes"])
     if image.get("path"):
         return read_inside(root, str(image["path"]), budget)
-    raise DamagedError(place.data_file, f"{feature} has no image in row {place.first_row or 0}")
+    raise DamagedError(place.data_file, f"{feature} has no image in row {place.first_row}")
 
 
 def looks_like(path: Path) -> bool:
@@ -73,37 +69,35 @@ def looks_like(path: Path) -> bool:
 def open_lerobot(root: Path, options: ImportOptions) -> Dataset:
     """Return the episodes; raises DatasetError for an unreadable list or an invalid mapping."""
     root = root.resolve()
-    budget = Budget(root, options.limits)
+    budget = Budget(root, options.max_unpacked_bytes)
     info = read_info(root, budget)
     found = {part: name for part, name in DEFAULTS.items() if name in info.features}
     mapping = FeatureMap(gripper_open_above=0.5).changed(found).changed(options.features)
 
     @lru_cache(FILES_IN_MEMORY)
     def table(path: Path) -> Any:  # noqa: ANN401
-        return read_table(path, info.numeric, Budget(path, options.limits))
+        return read_table(path, info.numeric, Budget(path, options.max_unpacked_bytes))
 
     entries = (
         Entry(f"episode_{place.index:06d}", partial(_read, info, place, table, mapping, options))
         for place in read_places(info, budget)
     )
-    return Dataset(f"LeRobot {info.version}", tuple(entries))
+    return Dataset(f"LeRobot {VERSION}", tuple(entries))
 
 
 def _read(
     info: Info, place: Place, table_of: Callable[[Path], Any], mapping: FeatureMap, options: ImportOptions
 ) -> Parcel:
-    budget = Budget(f"{info.root}: episode {place.index}", options.limits)
-    table = table_of(place.data_file)
-    if place.first_row is not None:
-        table = table.slice(place.first_row, place.length)
+    budget = Budget(f"{info.root}: episode {place.index}", options.max_unpacked_bytes)
+    table = table_of(place.data_file).slice(place.first_row, place.length)
     columns = {name: numbers_of(table, name) for name in info.numeric}
     if (rows := table.num_rows) != place.length:
         raise DamagedError(place.data_file, f"has {rows} rows of episode {place.index}, expected {place.length}")
     if (scene := read_scene(info.root, place.index, budget)) is not None:
         return _exported(*scene, columns, mapping, options)
-    parcel = ColumnEpisode(
+    return ColumnEpisode(
         name=f"episode_{place.index:06d}",
-        source=f"LeRobot {info.version}",
+        source=f"LeRobot {VERSION}",
         task=as_name(info.root.name),
         instruction=place.instruction,
         columns=columns,
@@ -111,24 +105,6 @@ def _read(
         image=partial(first_image, info, place, budget),
         image_columns=info.named("image", "video"),
     ).parcel(mapping, options)
-    return _with_films(parcel, info, place, options, budget)
-
-
-def _with_films(parcel: Parcel, info: Info, place: Place, options: ImportOptions, budget: Budget) -> Parcel:
-    """Return the parcel with the episode's videos; a note says why one is left out."""
-    trajectory = trajectory_from_npz(parcel.files["trajectory"])
-    times_s = np.arange(len(trajectory)) / info.fps if trajectory.timestamps_s is None else trajectory.timestamps_s
-    films: dict[str, bytes] = {}
-    notes = []
-    for feature in info.named("video"):
-        camera = as_name(feature.removeprefix(KEY))
-        if options.wants(camera):
-            try:
-                film = film_from_video(info, place, feature, camera, times_s, budget)
-                films[film.field] = npz_from_film(film)
-            except (DatasetError, InvalidInputError) as error:
-                notes.append(f"film of {feature}: {error}")
-    return replace(parcel, files={**parcel.files, **films}, notes=(*parcel.notes, *notes))
 
 
 def _exported(

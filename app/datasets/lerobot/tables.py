@@ -86,8 +86,6 @@ def _opened(path: Path) -> Iterator[Any]:
     try:
         with parquet.ParquetFile(path, **limits) as file:
             yield file
-    except MemoryError:
-        raise
     except (OSError, arrow.ArrowException) as error:
         raise DamagedError(path, f"cannot be read: {str(error)[:200]}") from error
 

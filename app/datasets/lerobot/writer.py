@@ -1,13 +1,11 @@
 """Writes a LeRobot dataset, version 3.0, that the package `lerobot` loads.
 
 Policies train on `observation.state` and `action` (the next frame's state); the other columns have the exact
-trajectory. Films of cameras that filmed every episode are videos; they and the first frame's images are also in
-meta/roboprompt as they were uploaded.
+trajectory. The first frame's images are in meta/roboprompt as they were uploaded.
 """
 
 import json
-import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,19 +13,16 @@ import numpy as np
 
 from app.datasets.bounds import DatasetError, in_one_step
 from app.datasets.lerobot import reader
-from app.datasets.lerobot.files import write_scene
+from app.datasets.lerobot.files import VERSION, write_scene
 from app.datasets.lerobot.tables import require_arrow
-from app.datasets.lerobot.video import Shape, VideoWriter, video_shape
-from app.datasets.parcel import FILM_PREFIX, Parcel
-from app.untrusted_arrays import film_from_npz, trajectory_from_npz
-from roboprompt_client.types.arrays import Array
+from app.datasets.parcel import Parcel
+from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.types.trajectory import Trajectory
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}  # lerobot/datasets/compute_stats.py
 _INDEX = "__index_level_0__"
 RATE_TOLERANCE = 0.02  # of a measured rate; the column of times has the exact ones
 Columns = dict[str, np.ndarray[Any, Any]]
-logger = logging.getLogger(__name__)
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _STATE = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "gripper_open"]
 _NAMES = {
@@ -81,14 +76,12 @@ def write_episodes(
     episodes: Sequence[Columns],
     instructions: Sequence[str],
     stats: Sequence[Mapping[str, Any]],
-    videos: Sequence[Mapping[str, Any]],
 ) -> None:
-    """Write the location of each episode's rows and videos, and its statistics."""
+    """Write the location of each episode's rows, and its statistics."""
     arrow, parquet = require_arrow()
     path.parent.mkdir(parents=True)
     rows = []
-    each = zip(episodes, instructions, stats, videos, strict=True)
-    for index, (columns, instruction, of_columns, of_videos) in enumerate(each):
+    for index, (columns, instruction, of_columns) in enumerate(zip(episodes, instructions, stats, strict=True)):
         first = int(columns["index"][0])
         rows.append(
             {
@@ -99,7 +92,6 @@ def write_episodes(
                 "data/file_index": 0,
                 "dataset_from_index": first,
                 "dataset_to_index": first + len(columns["index"]),
-                **of_videos,
                 **{f"stats/{name}/{kind}": v for name, item in of_columns.items() for kind, v in item.items()},
                 "meta/episodes/chunk_index": 0,
                 "meta/episodes/file_index": 0,
@@ -114,54 +106,30 @@ def _column(arrow: Any, values: np.ndarray[Any, Any]) -> Any:  # noqa: ANN401
     return arrow.FixedSizeListArray.from_arrays(arrow.array(values.ravel()), values.shape[1])
 
 
-def write_lerobot(target: Path, parcels: Iterable[Parcel], say: Callable[[str], object] = logger.warning) -> int:
+def write_lerobot(target: Path, parcels: Iterable[Parcel]) -> int:
     """Write the dataset and return the number of episodes.
-
-    Args:
-        say: is called with what a person should know, such as films that are left out.
 
     Raises:
         DatasetError: without episodes, for rates that differ or are not whole numbers, or if the folder exists.
     """
     with in_one_step(target) as root:
-        trajectories, instructions, rates_hz, shapes = [], [], [], list[dict[str, Shape]]()
+        trajectories, instructions, rates_hz = [], [], []
         for index, parcel in enumerate(parcels):
             write_scene(root, index, parcel)
             trajectories.append(trajectory_from_npz(parcel.files["trajectory"]))
             instructions.append(str(parcel.metadata["instruction"]))
             rates_hz.append(float(parcel.metadata["control_frequency_hz"]))
-            films = (film_from_npz(name.removeprefix(FILM_PREFIX), parcel.files[name]) for name in parcel.films)
-            shapes.append({film.camera: video_shape(film) for film in films})
         fps = _common_rate(rates_hz)
         tasks = list(dict.fromkeys(instructions))
         episodes = _numbered(trajectories, [tasks.index(text) for text in instructions], fps)
         write_data(root / DATA_PATH.format(chunk_index=0, file_index=0), episodes)
         write_tasks(root / "meta/tasks.parquet", tasks)
-        video = VideoWriter(root, fps, shapes, say)
-        colors = [video.write(index, _times_s(item, fps)) for index, item in enumerate(trajectories)]
-        stats = [statistics(columns) | _color_statistics(seen) for columns, seen in zip(episodes, colors, strict=True)]
-        videos = [video.row(index, len(item)) for index, item in enumerate(trajectories)]
-        write_episodes(root / "meta/episodes/chunk-000/file-000.parquet", episodes, instructions, stats, videos)
-        whole, seen = _concatenated(episodes), _concatenated(colors)
-        _write_json(root / "meta/stats.json", statistics(whole) | _color_statistics(seen))
-        _write_json(root / "meta/info.json", _info(episodes, tasks, fps, video))
+        stats = [statistics(columns) for columns in episodes]
+        write_episodes(root / "meta/episodes/chunk-000/file-000.parquet", episodes, instructions, stats)
+        whole = {name: np.concatenate([columns[name] for columns in episodes]) for name in episodes[0]}
+        _write_json(root / "meta/stats.json", statistics(whole))
+        _write_json(root / "meta/info.json", _info(episodes, tasks, fps))
     return len(trajectories)
-
-
-def _times_s(trajectory: Trajectory, fps: int) -> Array:
-    return np.arange(len(trajectory)) / fps if trajectory.timestamps_s is None else trajectory.timestamps_s
-
-
-def _concatenated(episodes: Sequence[Columns]) -> Columns:
-    return {name: np.concatenate([columns[name] for columns in episodes]) for name in episodes[0]}
-
-
-def _color_statistics(colors: Columns) -> dict[str, dict[str, list[Any]]]:
-    """Return the statistics of samples (N, 3), 0 to 255, in LeRobot's form: of each color in 0 to 1 as [[[r]], ...]."""
-    return {
-        name: {kind: values if kind == "count" else [[[value]] for value in values] for kind, values in item.items()}
-        for name, item in statistics({name: samples / 255 for name, samples in colors.items()}).items()
-    }
 
 
 def _common_rate(rates_hz: list[float]) -> int:
@@ -223,13 +191,13 @@ def _flat(tracks: np.ndarray[Any, Any] | None) -> np.ndarray[Any, Any] | None:
     return None if tracks is None else tracks.reshape(len(tracks), -1)
 
 
-def _info(episodes: list[Columns], tasks: list[str], fps: int, video: VideoWriter) -> dict[str, Any]:
+def _info(episodes: list[Columns], tasks: list[str], fps: int) -> dict[str, Any]:
     features: dict[str, Any] = {
         name: {"dtype": str(column.dtype), "shape": list(column.shape[1:]) or [1], "names": _NAMES.get(name)}
         for name, column in episodes[0].items()
     }
     return {
-        "codebase_version": "v3.0",
+        "codebase_version": VERSION,
         "robot_type": None,
         "total_episodes": len(episodes),
         "total_frames": sum(len(columns["index"]) for columns in episodes),
@@ -240,8 +208,8 @@ def _info(episodes: list[Columns], tasks: list[str], fps: int, video: VideoWrite
         "fps": fps,
         "splits": {"train": f"0:{len(episodes)}"},
         "data_path": DATA_PATH,
-        "video_path": video.path,
-        "features": features | video.features,
+        "video_path": None,
+        "features": features,
     }
 
 

@@ -1,0 +1,40 @@
+"""The formats that can be imported, and which of them a file or folder has."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from app.datasets import archive, rlbench, robomimic
+from app.datasets.bounds import DatasetError
+from app.datasets.lerobot import reader as lerobot
+from app.datasets.options import ImportOptions
+from app.datasets.parcel import Dataset
+
+
+class Format(NamedTuple):
+    """How a format is recognized, reading as little as possible, and opened."""
+
+    looks_like: Callable[[Path], bool]
+    open: Callable[[Path, ImportOptions], Dataset]
+
+
+FORMATS = {
+    "archive": Format(archive.looks_like, archive.open_archive),
+    "lerobot": Format(lerobot.looks_like, lerobot.open_lerobot),
+    "robomimic": Format(robomimic.looks_like, robomimic.open_robomimic),
+    "rlbench": Format(rlbench.looks_like, rlbench.open_rlbench),
+}
+
+
+def open_dataset(path: Path, options: ImportOptions, name: str | None = None) -> Dataset:
+    """Return the dataset at `path`, of the named or detected format; raises DatasetError if there is none."""
+    if not path.exists():
+        raise DatasetError(f"{path} does not exist")
+    named = FORMATS if name is None else {name: FORMATS[name]}
+    found = next((item for item in named.values() if name or item.looks_like(path)), None)
+    if found is None:
+        raise DatasetError(f"{path} is of no known format ({', '.join(FORMATS)}): see docs/datasets.md")
+    dataset = found.open(path, options)
+    if not dataset.entries and not dataset.damaged:
+        raise DatasetError(f"{path}: no episodes of {dataset.format} in it")
+    return dataset
