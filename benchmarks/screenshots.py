@@ -64,7 +64,7 @@ def addresses(url: str) -> Iterator[tuple[str, str]]:
         f"episodes/{episode}#keyframes", f"episodes/{episode}/texts", f"episodes/{episode}/object",
         "tasks/stack_cube", "tasks/stack_cube/check", "upload",
         "predict?task=stack_cube", "predictions", "predictions/configurations?task=stack_cube",
-        f"predictions/{solved}#space", f"predictions/compare?id={solved}&id={other}", "live",
+        f"predictions/{solved}#space", f"predictions/compare?id={solved}&id={other}",
     )):  # fmt: skip
         yield f"{SHEET}{number}", f"/ui/{address}"
 

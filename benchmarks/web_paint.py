@@ -144,7 +144,6 @@ def pages(episode: str, prediction: str, other: str, middle: int) -> Sequence[st
         "/ui/predictions/configurations",
         f"/ui/predictions/{prediction}",
         f"/ui/predictions/compare?id={prediction}&id={other}",
-        "/ui/live",
     )
 
 

@@ -45,11 +45,6 @@ _RULES = tuple(
         ("DELETE", f"/tasks/{_NAME}/labels/{_NAME}", "upload"),
         ("POST", "/predict", "predict"),
         ("POST", "/plans", "predict"),
-        # a robot reports its state; a key that may move or watch robots may stop those that it sees
-        ("PUT", f"/runs/{_NAME}", "predict"),
-        ("DELETE", f"/runs/{_NAME}", "predict"),
-        ("GET", "/runs", "read", "predict"),
-        ("POST", f"/runs/{_NAME}/stop", "operate", "predict"),
         # the page's dry run
         ("POST", "/ui/predict/prompt", "predict"),
         ("POST", "/poses", "predict"),

@@ -35,7 +35,6 @@ TAGS = [
     {"name": "tasks", "description": "settings of a task, checks of its demonstrations, statistics, jobs"},
     {"name": "poses", "description": "poses of objects in images"},
     {"name": "labels", "description": "objects marked in images, from which the estimator `registered` learns them"},
-    {"name": "runs", "description": "robots at work: report, watch, stop"},
     {"name": "models", "description": "the LLMs that can be asked"},
     {"name": "health", "description": "probes and metrics"},
 ]

@@ -38,7 +38,7 @@ def expiry(text: str, now: datetime) -> datetime:
 @keys.command("add")
 def add_key(
     name: Annotated[str, typer.Argument(help="whose key it is, e.g. robot-1")],
-    scope: Annotated[list[str], typer.Option(help="read, upload, predict, operate or admin; may be repeated")],
+    scope: Annotated[list[str], typer.Option(help="read, upload, predict or admin; may be repeated")],
     task: Annotated[
         list[str] | None, typer.Option(help="only for this task; may be repeated; default: for all")
     ] = None,

@@ -26,7 +26,7 @@ from app.store.visibility import Visibility
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.names import checked_name
 
-SCOPES = ("read", "upload", "predict", "operate", "admin")
+SCOPES = ("read", "upload", "predict", "admin")
 PREFIX = "rp"
 SESSION_PREFIX = "rps"
 SECRET_BYTES = 32

@@ -1,31 +1,26 @@
 """The files of a data folder: readable by the service's user alone, and shared by its processes.
 
 They hold pictures, prompts and digests of keys. One process holds a turn at a time: a locked file, which the system
-unlocks if its holder dies. Notes of unfinished predictions are for people who watch: nothing depends on them and they
-are not synced. One that a killed process leaves behind ends at its deadline.
+unlocks if its holder dies.
 """
 
 import fcntl
 import hashlib
-import json
 import logging
 import os
 import stat
-import time
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import BinaryIO, Self
 
 from app.store.errors import StoreUnavailableError, disk_errors
 
-WRITTEN_WITHIN_S = 60.0  # an older note that cannot be read never will be
 FOLDER_MODE, FILE_MODE = 0o700, 0o600
 OTHERS = 0o077
 # What a data folder has; one with other folders and none of these is a home folder, or the system's.
-MARKS = ("roboprompt.db", "blobs", "under_way", "turns", "llm", "cache", ".swept")
+MARKS = ("roboprompt.db", "blobs", "turns", "llm", "cache", ".swept")
 
 logger = logging.getLogger(__name__)
 
@@ -147,58 +142,3 @@ class Turns:
                     return Turn(path, descriptor)
             os.close(descriptor)
         return None
-
-
-@dataclass(frozen=True)
-class UnderWay:
-    """A prediction that is not finished.
-
-    Attributes:
-        started_s, deadline_s: seconds since the epoch.
-    """
-
-    id: str
-    task: str
-    instruction: str
-    model: str
-    started_s: float
-    deadline_s: float
-
-
-class UnderWayNotes:
-    """The notes of one data directory. Synchronous: call it in a thread."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-
-    def begin(self, note: UnderWay) -> None:
-        with disk_errors("note of a prediction under way"):
-            self._folder.mkdir(FOLDER_MODE, exist_ok=True)
-            with open(self._path(note.id), "w", opener=private_opener) as file:
-                json.dump(asdict(note), file)
-
-    def end(self, note_id: str) -> None:
-        """Delete the note if there is one; on a read-only disk it stays until another process deletes it."""
-        with suppress(OSError):
-            self._path(note_id).unlink()
-
-    def all(self) -> tuple[UnderWay, ...]:
-        """Return the unfinished predictions, oldest first; delete notes past their deadline."""
-        notes = [note for path in self._folder.glob("*.json") if (note := self._living(path)) is not None]
-        return tuple(sorted(notes, key=lambda note: note.started_s))
-
-    def _living(self, path: Path) -> UnderWay | None:
-        note = None
-        with suppress(FileNotFoundError):  # it ended just now
-            try:
-                note = UnderWay(**json.loads(path.read_bytes()))
-                ends_s = note.deadline_s
-            except (ValueError, TypeError):  # it is being written, or its writer was killed meanwhile
-                ends_s = path.stat().st_mtime + WRITTEN_WITHIN_S
-            if ends_s < time.time():
-                self.end(path.stem)
-                return None
-        return note
-
-    def _path(self, note_id: str) -> Path:
-        return self._folder / f"{note_id}.json"

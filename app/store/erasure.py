@@ -53,8 +53,7 @@ def erase_task(connection: Connection, name: str) -> None:
     connection.execute(delete(_JOBS).where(_JOBS.c.task == name))
     uploaded = _KEYS.c.response["task"].as_string() == name
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == UPLOAD, uploaded))
-    for held_apart in (tables.runs, tables.replaced_settings):
-        connection.execute(delete(held_apart).where(held_apart.c.task == name))
+    connection.execute(delete(tables.replaced_settings).where(tables.replaced_settings.c.task == name))
     predictions = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
     held = {_PREDICTIONS.name: erase_predictions(connection, predictions)}
     episodes = select(_EPISODES.c.id).where(_EPISODES.c.task == name)

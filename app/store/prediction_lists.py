@@ -3,7 +3,6 @@
 from collections import defaultdict
 from dataclasses import astuple, dataclass, fields
 from hashlib import sha256
-from statistics import median
 from typing import Literal
 
 from sqlalchemy import Connection, case, func, or_, select
@@ -17,7 +16,6 @@ from app.store.visibility import of_visible_predictions
 ListOrder = Literal["successes", "newest", "failures"]
 
 _P = tables.predictions
-NUM_TIMED = 20  # latest answers of a model, whose median duration says how long the next one takes
 MAX_LATEST = 2000  # predictions whose outcomes, times and tokens are read
 
 
@@ -68,13 +66,6 @@ def list_page(
 def models(connection: Connection) -> tuple[str, ...]:
     """Return the names of all models of visible predictions, sorted."""
     return tuple(connection.scalars(of_visible_predictions(select(_P.c.model)).distinct().order_by(_P.c.model)))
-
-
-def usual_llm_ms(connection: Connection, model: str) -> float | None:
-    """Return the median duration of the model's latest answers, or None if there are none."""
-    query = select(_P.c.timings_ms).where(_P.c.model == model, _P.c.status == "ok")
-    latest = connection.scalars(query.order_by(_P.c.sequence.desc()).limit(NUM_TIMED))
-    return median(found) if (found := [timings["llm"] for timings in latest if "llm" in timings]) else None
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, Text, cast, select
 
 from app.store import tables
 from app.store.blobs import BlobStore, FileBlobStore, digests_in
-from app.store.data_folder import Turns, UnderWayNotes, private_folder, private_opener
+from app.store.data_folder import Turns, private_folder, private_opener
 from app.store.database import SERVER_CONNECTIONS, Database, migrate
 from app.store.errors import StoreUnavailableError, disk_errors
 
@@ -32,7 +32,6 @@ class Store:
 
     Attributes:
         blobs: images; put them before the row that refers to them is committed.
-        under_way: predictions that are not finished, for people who watch.
         turns: for what only one request may do at a time.
     """
 
@@ -40,7 +39,6 @@ class Store:
         self._database = database
         self._data_dir = data_dir
         self.blobs = blobs
-        self.under_way = UnderWayNotes(data_dir / "under_way")
         self.turns = Turns(data_dir / "turns")
 
     @classmethod

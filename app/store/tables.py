@@ -182,19 +182,6 @@ labels = Table(
     sqlite_autoincrement=True,
 )
 
-# What robots say of themselves while they carry something out: a row a run, which goes when it ends.
-runs = Table(
-    "runs",
-    metadata,
-    Column("id", String(32), primary_key=True),
-    Column("task", String(64), ForeignKey("tasks.name"), nullable=False),
-    Column("key_id", String(16)),
-    Column("state", Json, nullable=False),
-    Column("stop", Boolean, nullable=False),
-    Column("created_at", UtcDateTime, nullable=False),
-    Column("heard_at", UtcDateTime, nullable=False),
-)
-
 # Predictions that are kept to be asked again.
 cases = Table(
     "cases",

@@ -69,7 +69,6 @@ NAVIGATION = (
     ("Upload", "/ui/upload"),
     ("Predict", "/ui/predict"),
     ("Predictions", "/ui/predictions"),
-    ("Now", "/ui/live"),
     ("API", "/docs"),
     *([("Guide", GUIDE)] if SITE.is_dir() else []),
 )

@@ -25,13 +25,11 @@ from roboprompt_client.errors import (
     ServiceProblemError,
     ServiceUnreachableError,
     StepFailedError,
-    StoppedError,
     UnsafeActionError,
 )
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.recording.recorder import Recorder
 from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.runs.live import Live
 from roboprompt_client.runs.look_again import Leading
 from roboprompt_client.runs.loop import RunOptions, run_task
 from roboprompt_client.runs.plans import run_plan
@@ -51,7 +49,6 @@ __all__ = [
     "InvalidAnswerError",
     "InvalidInputError",
     "Leading",
-    "Live",
     "MotionError",
     "MotionLimits",
     "NotConfirmedError",
@@ -71,7 +68,6 @@ __all__ = [
     "ServiceProblemError",
     "ServiceUnreachableError",
     "StepFailedError",
-    "StoppedError",
     "Trajectory",
     "UnsafeActionError",
     "run_plan",

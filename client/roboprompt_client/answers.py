@@ -15,7 +15,6 @@ from roboprompt_client.errors import (
     InvalidInputError,
     NotConfirmedError,
     ServiceProblemError,
-    ServiceUnreachableError,
 )
 from roboprompt_client.http import event_document
 from roboprompt_client.motion.guard import action_from_json
@@ -124,13 +123,6 @@ class StreamReader:
 def planned_steps(answer: Mapping[str, Any]) -> tuple[PlannedStep, ...]:
     """Return the steps of the answer of `POST /plans`."""
     return tuple(PlannedStep(step["task"], step["instruction"]) for step in answer["steps"])
-
-
-def stop_asked(answer: Mapping[str, Any]) -> bool:
-    """Return whether the answer to a report of a run asks the robot to stop."""
-    if not isinstance(stop := answer.get("stop"), bool):
-        raise ServiceUnreachableError("/runs: what answers there is not a RoboPrompt service")
-    return stop
 
 
 def findings_in(answer: Mapping[str, Any]) -> tuple[Finding, ...]:

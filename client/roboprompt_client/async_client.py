@@ -79,8 +79,6 @@ class AsyncRoboPromptClient:
     predict = _awaited(RoboPromptClient.predict)
     find_poses = _awaited(RoboPromptClient.find_poses)
     record_outcome = _awaited(RoboPromptClient.record_outcome)
-    report_run = _awaited(RoboPromptClient.report_run)
-    end_run = _awaited(RoboPromptClient.end_run)
     configure_task = _awaited(RoboPromptClient.configure_task)
     motion_limits = _awaited(RoboPromptClient.motion_limits)
     upload = _awaited(RoboPromptClient.upload)

@@ -4,16 +4,15 @@
      "base_to_world": {"position": [0, 0, 0.6], "quaternion_xyzw": [0, 0, 0, 1]},
      "limits": {"workspace": {"min": [0.2, -0.4, 0.6], "max": [0.7, 0.4, 1.2]}},
      "objects": "objects.json", "tolerance": {"position_m": 0.005, "max_contact_force_n": 30}, "open_width_m": 0.08,
-     "reach_m": 0.85, "urdf": {"file": "arm.urdf", "frame": "tool0"}, "lost_contact": "stop",
+     "reach_m": 0.85, "urdf": {"file": "arm.urdf", "frame": "tool0"},
      "cameras": [{"name": "front", "driver": "realsense", "options": {"serial": ".."}, "camera_to_world": [[...], ...]},
                  {"name": "wrist", "driver": "my_cell:make_camera", "camera_to_hand": null}],
      "viewpoints": [{"position": [0.4, 0, 1.1], "quaternion_xyzw": [1, 0, 0, 0]}],
      "table": {"position": [0.3, 0, 0.75], "normal": [0, 0, 1]}}
 
-Only `arm` is needed; it may also be MODULE:FACTORY, a callable that returns a Robot or a driver for `Arm`. If contact
-with the service is lost, a run goes on unless `lost_contact` is "stop". A camera has `camera_to_world` if it stands
-still and `camera_to_hand` if the hand carries it: (4, 4) in meters, OpenCV axes (x right, y down, z forward), null
-until `roboprompt-robot calibrate` has found it.
+Only `arm` is needed; it may also be MODULE:FACTORY, a callable that returns a Robot or a driver for `Arm`. A camera has
+`camera_to_world` if it stands still and `camera_to_hand` if the hand carries it: (4, 4) in meters, OpenCV axes (x
+right, y down, z forward), null until `roboprompt-robot calibrate` has found it.
 """
 
 import json
@@ -34,7 +33,6 @@ from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.extras import make_driver
 from roboprompt_client.motion.limits import MotionLimits, checked_bound
 from roboprompt_client.robot import Robot, observation_from_file
-from roboprompt_client.runs.live import checked_on_lost
 from roboprompt_client.types.camera import checked_camera_pose
 from roboprompt_client.types.names import checked_name
 from roboprompt_client.types.poses import Pose
@@ -52,7 +50,7 @@ CAMERAS = {
     "files": "roboprompt_client.cameras.opencv:FrameFolder",
 }
 OF_ARM = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", "open_width_m", "reach_m", "urdf")
-CELL_FIELDS = (*OF_ARM, "cameras", "viewpoints", "table", "lost_contact")
+CELL_FIELDS = (*OF_ARM, "cameras", "viewpoints", "table")
 MOUNTS = ("camera_to_world", "camera_to_hand")
 CAMERA_FIELDS = ("name", "driver", "options", *MOUNTS)
 ONE_CAMERA = '{"name": "front", "driver": "realsense", "camera_to_world": null}'
@@ -101,7 +99,6 @@ def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None, opened: ExitS
         "tolerance": _tolerance(cell.get("tolerance", {})),
         "geometry": _geometry(folder, cell["urdf"]) if "urdf" in cell else None,
         "viewpoints": viewpoints_from_json(cell.get("viewpoints", [])),
-        "on_lost": checked_on_lost(cell.get("lost_contact", "continue")),
         **{name: checked_bound(name, cell[name], most_m) for name, most_m in MOST_M.items() if name in cell},
     }
     if "objects" in cell:

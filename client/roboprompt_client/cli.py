@@ -6,7 +6,6 @@ import signal
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -33,7 +32,6 @@ from roboprompt_client.errors import InvalidInputError, RoboPromptError, Service
 from roboprompt_client.http import KEY_VARIABLE
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation, Robot, observation_from_file
-from roboprompt_client.runs.live import Live
 from roboprompt_client.runs.loop import run_task
 from roboprompt_client.runs.plans import run_plan
 from roboprompt_client.types.trajectory import trajectory_from_file
@@ -164,8 +162,7 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | Non
     what = (client, robot, arguments.task, arguments.instruction)
     # A termination leaves through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    watch = partial(Live, client, robot, on_lost=getattr(robot, "on_lost", "continue"))
-    how: dict[str, Any] = {"pinned": pinned, "watch": watch, "on_danger": arguments.on_danger}
+    how: dict[str, Any] = {"pinned": pinned, "on_danger": arguments.on_danger}
     if arguments.confirm:
         how |= {"confirm": person.confirm, "preview": person.preview}
     how |= {"stream": arguments.stream, "look_again": arguments.look_again}

@@ -8,7 +8,7 @@ from uuid import uuid4
 import httpx
 from httpx_sse import EventSource
 
-from roboprompt_client.answers import OnFindings, PlannedStep, PredictedActions, StreamReader, planned_steps, stop_asked
+from roboprompt_client.answers import OnFindings, PlannedStep, PredictedActions, StreamReader, planned_steps
 from roboprompt_client.encoding import Part, episode_parts, posted, prediction_request
 from roboprompt_client.errors import ServiceUnreachableError
 from roboprompt_client.http import Request, ask, http_options, read_ping, require_success
@@ -135,14 +135,6 @@ class RoboPromptClient:
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service whether the robot did the task with this prediction."""
         return self.post(f"/predictions/{prediction_id}/outcome", {"success": success, "note": note})
-
-    def report_run(self, run_id: str, state: Mapping[str, Any], timeout_s: float) -> bool:
-        """Report the state of a run (`PUT /runs/{run_id}`); return whether the robot shall stop."""
-        return self._send(ask("PUT", f"/runs/{run_id}", json=dict(state), timeout=timeout_s).then(stop_asked))
-
-    def end_run(self, run_id: str, timeout_s: float) -> bool:
-        """Report that a run has ended; return whether the robot was to stop."""
-        return self._send(ask("DELETE", f"/runs/{run_id}", timeout=timeout_s).then(stop_asked))
 
     def configure_task(self, /, task: str, *, version: int | None = None, **settings: Any) -> dict[str, Any]:  # noqa: ANN401
         """Set a task's settings, see `PUT /tasks/{name}`; return all of them.

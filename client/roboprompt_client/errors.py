@@ -126,9 +126,5 @@ class MotionError(RoboPromptError):
     """The robot could not carry out an action."""
 
 
-class StoppedError(MotionError):
-    """A person stopped the robot on the service's page, or it stopped because it lost contact with the service."""
-
-
 class NotConfirmedError(RoboPromptError):
     """A person did not allow an action."""

@@ -38,7 +38,7 @@ class Service:
     """A service that has one prediction, and records what it is sent."""
 
     def __init__(self):
-        self.urls, self.outcomes, self.runs, self.down, self.stops = [], [], [], False, False
+        self.urls, self.outcomes, self.down = [], [], False
 
     def __call__(self, request):
         path = request.url.path
@@ -51,9 +51,6 @@ class Service:
             return httpx.Response(200, json={"steps": steps})
         if path == "/predict":
             return httpx.Response(200, json={"id": "p1", "actions": [ACTION], "findings": []})
-        if path.startswith("/runs/"):
-            self.runs.append(request.method)
-            return httpx.Response(200, json={"stop": self.stops})
         if self.down:
             raise httpx.ConnectError("refused")
         self.outcomes.append((path, json.loads(request.read())))
@@ -101,14 +98,6 @@ def test_after_a_run_the_person_says_whether_it_worked(service, monkeypatch, ans
     status, asked = type_command(monkeypatch, *RUN, answers=answers)
     assert (status, len(asked)) == (int(not recorded["success"]), len(answers))
     assert service.outcomes == [("/predictions/p1/outcome", recorded)]
-
-
-def test_the_service_hears_of_a_run_and_may_stop_it(service, monkeypatch, capsys):
-    assert type_command(monkeypatch, *RUN, answers=["y"])[0] == 0
-    assert {"PUT", "DELETE"} == set(service.runs)
-    service.stops = True
-    assert type_command(monkeypatch, *RUN, answers=["y"])[0] == 1
-    assert "a person stopped the robot" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("answers", [[""], []])

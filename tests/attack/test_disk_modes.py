@@ -7,7 +7,6 @@ import pytest
 
 from app.services.api_keys import create_key
 from app.store.backup import back_up
-from app.store.data_folder import UnderWay
 from app.store.errors import StoreUnavailableError
 from app.store.store import Store
 from tests.store.drafts import episode_draft, upload
@@ -27,7 +26,6 @@ def used(folder):
     store.blobs.put(b"a picture")
     upload(store, episode_draft(1))
     create_key(store, "robot", ["read"])
-    store.under_way.begin(UnderWay("1", "press", "press", "m", 0.0, 1e12))
     store.sweep_once()
     back_up(store, folder / "backup.tar")
     return store

@@ -163,7 +163,7 @@ def test_refused_requests_change_nothing(tenants: Tenants):
 
 @pytest.mark.parametrize(
     "path",
-    ["/ui/tasks", "/ui/episodes", "/ui/predictions", "/ui/live", "/ui/predict", "/jobs", "/tasks", "/episodes"],
+    ["/ui/tasks", "/ui/episodes", "/ui/predictions", "/ui/predict", "/jobs", "/tasks", "/episodes"],
 )
 def test_lists_and_pages_do_not_name_other_tasks(tenants: Tenants, path):
     answer = tenants.clients["pick reader"].get(path)

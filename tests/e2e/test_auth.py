@@ -167,7 +167,7 @@ def test_revocation_and_the_command_line(http, data):
     assert http.get("/episodes", headers=bearer(token)).status_code == 401
     assert "revoked" in next(line for line in keys("list", data=data)[1].splitlines() if key_id in line)
     assert keys("revoke", "nobody", data=data)[::2] == (1, "there is no API key 'nobody'\n")
-    assert "read, upload, predict, operate, admin" in keys("add", "x", "--scope", "everything", data=data)[2]
+    assert "read, upload, predict, admin" in keys("add", "x", "--scope", "everything", data=data)[2]
 
 
 @pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://127.0.0.1:1"])

@@ -59,13 +59,6 @@ LABEL = {
     "boxes": {"front": [1, 1, 9, 9]},
     "arrows": {"front": [[1, 1], [9, 9]]},
 }
-RUN = {
-    "task": TASK,
-    "instruction": "pick",
-    "action": 1,
-    "end_effector": PREDICT["end_effector"],
-    "joint_positions": [0],
-}
 POSES = {"objects": [{"name": "cube", "model": CUBOID}], "cameras": [camera()], "rgb_front": IMAGES["rgb"]}
 
 
@@ -104,7 +97,6 @@ def taught(http):
         ("POST", "/poses", POSES),
         ("POST", f"/tasks/{TASK}/object_models/learn", {"objects": ["cube"], "episodes": 2}),
         ("POST", f"/tasks/{TASK}/labels/preview", LABEL),
-        ("PUT", f"/runs/{'0' * 32}", RUN),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 import pytest
 from sqlalchemy import exc, text
 
-from app.store import episodes, erasure, predictions, runs, tasks
+from app.store import episodes, erasure, predictions, tasks
 from app.store.database import Database, lock
 from app.store.errors import ConflictError, NotFoundError, StoreUnavailableError
 from app.store.store import Store
@@ -64,17 +64,6 @@ def test_named_locks_end_with_their_transaction(impatient):
         with pytest.raises(exc.OperationalError, match="lock timeout"):
             lock(second, "POST /episodes a")
     write(impatient, lock, "POST /episodes a")
-
-
-def test_a_robot_of_a_task_that_is_deleted_meanwhile_finds_none(store):
-    write(store, tasks.get_or_create, TASK, SETTINGS)
-    with ThreadPoolExecutor(1) as pool:
-        with store.write() as deleting:
-            erasure.erase_task(deleting, TASK)
-            reported = pool.submit(write, store, runs.report, "0" * 32, TASK, {})
-            assert not wait([reported], timeout=0.3).done
-        with pytest.raises(NotFoundError, match=TASK):
-            reported.result()
 
 
 def test_a_prediction_that_is_deleted_meanwhile_becomes_no_case(store):

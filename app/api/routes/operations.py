@@ -1,26 +1,21 @@
-"""Runs of robots, jobs, models, health and metrics.
-
-A robot reports its state, and the answer says whether to stop. A job is a re-extraction too large for one request.
-"""
+"""Jobs, models, health and metrics. A job is a re-extraction too large for one request."""
 
 from collections.abc import Callable
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import JSONResponse
 
 from app.api.decoding import UniqueKeysRoute
 from app.api.documents import answer
 from app.api.routes import Wired, problems
 from app.api.schemas.lists import JobsQuery
-from app.api.schemas.requests import RunBody
-from app.api.schemas.responses import Health, JobOut, JobPage, ModelList, ModelOut, RunAnswer, RunList, RunOut
+from app.api.schemas.responses import Health, JobOut, JobPage, ModelList, ModelOut
 from app.llm.base import LanguageModelError
-from app.store import jobs, runs
+from app.store import jobs
 from app.store.errors import StoreError
 
 router = APIRouter(route_class=UniqueKeysRoute)
-RunId = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="32 hexadecimal digits of the robot's choice")]
 
 
 @router.get("/jobs", tags=["tasks"], response_model=JobPage)
@@ -86,47 +81,3 @@ def _failure(ask: Callable[[], object]) -> str:
 def metrics(services: Wired) -> Response:
     """Prometheus metrics of this process: requests, stages of predictions, tokens, parse failures and outcomes."""
     return Response(services.metrics.text(), media_type=services.metrics.content_type)
-
-
-@router.put(
-    "/runs/{run_id}",
-    tags=["runs"],
-    response_model=RunAnswer,
-    responses=problems(_404="no such task, or the run is another key's"),
-)
-def report_run(services: Wired, run_id: RunId, body: RunBody) -> Response:
-    """Report the state of a robot at work, about five times a second; the answer says whether it must stop.
-
-    A run that was stopped stays stopped; the next run needs another id.
-    """
-    state = body.model_dump(mode="json", exclude={"task"}, exclude_none=True)
-    with services.store.write() as connection:
-        stop = runs.report(connection, run_id, body.task, state)
-    return JSONResponse({"stop": stop})
-
-
-@router.delete("/runs/{run_id}", tags=["runs"], response_model=RunAnswer, responses=problems(_404="no such run"))
-def end_run(services: Wired, run_id: RunId) -> Response:
-    """End a run; the answer says whether it was stopped meanwhile.
-
-    A run that is not ended disappears a minute after its last report.
-    """
-    with services.store.write() as connection:
-        stop = runs.end(connection, run_id)
-    return JSONResponse({"stop": stop})
-
-
-@router.get("/runs", tags=["runs"], response_model=RunList)
-def list_runs(services: Wired) -> Response:
-    """The runs that the key may see."""
-    with services.store.read() as connection:
-        records = runs.living(connection)
-    return JSONResponse({"runs": [answer(RunOut, record) for record in records]})
-
-
-@router.post("/runs/{run_id}/stop", tags=["runs"], response_model=RunOut, responses=problems(_404="no such run"))
-def stop_run(services: Wired, run_id: RunId) -> Response:
-    """Stop a robot: the answer to its next report tells it to. This does not replace an emergency stop."""
-    with services.store.write() as connection:
-        record = runs.stop(connection, run_id)
-    return JSONResponse(answer(RunOut, record))

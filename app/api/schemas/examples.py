@@ -70,15 +70,6 @@ TASK: dict[str, Any] = {"num_demonstrations": 10, "yaw_symmetry_deg": {"red butt
 
 EDIT: dict[str, Any] = {"left_out": False, "note": "the hand slipped at the end"}
 
-RUN: dict[str, Any] = {
-    "task": "press",
-    "instruction": "press the red button",
-    "action": 1,
-    "target": {"position": [0.25, -0.10, 0.90], "quaternion_xyzw": _DOWN},
-    "end_effector": {"position": [0.20, -0.05, 1.00], "quaternion_xyzw": _DOWN},
-    "gripper_open": False,
-}
-
 # Labels and object models need episodes with color and depth images: put in a task, an object and ids of your own.
 LABEL: dict[str, Any] = {"object": "red button", "episode_id": "ID-OF-AN-EPISODE", "clicks": {"front": [320, 240]}}
 

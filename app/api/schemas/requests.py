@@ -1,4 +1,4 @@
-"""Bodies of requests: episodes, predictions, plans, runs and outcomes."""
+"""Bodies of requests: episodes, predictions, plans and outcomes."""
 
 import json
 from typing import Annotated, Any
@@ -193,26 +193,6 @@ class EndEffectorIn(RequestModel):
         """Return the pose; raise InvalidInputError unless the quaternion has unit length."""
         unit = unit_quaternions("end_effector.quaternion_xyzw", self.quaternion_xyzw, (4,))
         return Pose(self.position, unit)
-
-
-class RunBody(RequestModel):
-    """The state of a robot that carries out an instruction."""
-
-    model_config = examples.shown(examples.RUN)
-
-    task: Name
-    instruction: Instruction
-    prediction_id: Annotated[str | None, Field(max_length=64)] = None
-    """left out before the prediction has an id"""
-    action: Annotated[int | None, Field(ge=1, le=1000), WHOLE] = None
-    """number of the action under way, from 1"""
-    target: EndEffectorIn | None = None
-    """target pose of that action"""
-    end_effector: EndEffectorIn | None = None
-    """measured pose"""
-    joint_positions: Annotated[list[Number] | None, Field(max_length=16)] = None
-    """rad"""
-    gripper_open: Truth | None = None
 
 
 class PredictBody(PredictOptions, RequestModel):

@@ -1,4 +1,4 @@
-"""Answers about episodes, jobs, runs and models.
+"""Answers about episodes, jobs and models.
 
 Routes build these documents themselves (`app.api.documents`); a test compares them with these models.
 """
@@ -123,29 +123,6 @@ class EpisodePage(BaseModel):
 
     episodes: list[ListedEpisode]
     next_cursor: int | None
-
-
-class RunOut(BaseModel):
-    """A robot at work; `state` is its last report."""
-
-    id: str
-    task: str
-    state: dict[str, Any]
-    stop: Annotated[bool, Field(description="true: the run was stopped")]
-    created_at: datetime
-    heard_at: datetime
-
-
-class RunList(BaseModel):
-    """Runs that were reported within the last minute, oldest first."""
-
-    runs: list[RunOut]
-
-
-class RunAnswer(BaseModel):
-    """Whether the robot must stop."""
-
-    stop: Annotated[bool, Field(description="true: stop at once, and carry out nothing more of this run")]
 
 
 class JobOut(BaseModel):

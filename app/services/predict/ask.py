@@ -1,15 +1,9 @@
-"""`POST /predict`: observation and instruction -> actions, by an LLM that continues the demonstrations' pattern.
+"""`POST /predict`: observation and instruction -> actions, by an LLM that continues the demonstrations' pattern."""
 
-A prediction that takes long is noted in the store, so that the pages of every worker process show it.
-"""
-
-import asyncio
 import logging
-import time
 from collections.abc import AsyncGenerator, AsyncIterator
-from contextlib import aclosing, asynccontextmanager, suppress
+from contextlib import aclosing, asynccontextmanager
 from dataclasses import replace
-from uuid import uuid4
 
 import anyio.to_thread
 
@@ -28,13 +22,9 @@ from app.services.predict.reply import Reply
 from app.services.predict.request import PredictRequest
 from app.services.predict.samples import SampledReply
 from app.services.predict.warm import PrefixWarmer
-from app.store.data_folder import UnderWay, UnderWayNotes
-from app.store.errors import StoreUnavailableError
 from app.store.store import Store
 from roboprompt_client.errors import UnsafeActionError
 
-SHOWN_AFTER_S = 0.5  # no note is written of shorter predictions
-GRACE_S = 5.0  # a note that a killed process leaves expires so long after its request's deadline
 Arriving = PredictedAction | TextDelta | Reading
 logger = logging.getLogger(__name__)
 
@@ -56,7 +46,6 @@ class PredictActions:
         warmer: PrefixWarmer,
         record: PredictionRecorder | None,
     ) -> None:
-        self._under_way = store.under_way
         self._models, self._known, self._limits, self._warmer, self._record = models, known, limits, warmer, record
 
     async def __call__(self, request: PredictRequest) -> Prediction:
@@ -136,14 +125,13 @@ class PredictActions:
 
     @asynccontextmanager
     async def _asked(self, question: Question) -> AsyncIterator[Reply]:
-        """Yield the reply for the block to read; meanwhile the prediction is shown, and no prefix is read ahead."""
+        """Yield the reply for the block to read; meanwhile no prefix is read ahead."""
         async with self._models.using(question.known.profile.name) as model:
             several = question.request.options.num_samples > 1
             reply = SampledReply(question, model) if several else Reply(question, model)
             try:
                 with self._warmer.giving_way():
-                    async with _shown(self._under_way, question):
-                        yield reply
+                    yield reply
             except tuple(FAILURES) as error:
                 if self._record is None:
                     raise
@@ -158,31 +146,3 @@ class PredictActions:
         except UnsafeActionError as error:  # beyond limits that were set after the last action came
             await self._record.failed(reply, error)
             raise
-
-
-@asynccontextmanager
-async def _shown(notes: UnderWayNotes, question: Question) -> AsyncIterator[None]:
-    """Note the prediction in the store while the body runs, if that takes longer than `SHOWN_AFTER_S`."""
-    ended = asyncio.Event()
-    showing = asyncio.create_task(_show(notes, question, ended))
-    try:
-        yield
-    finally:
-        ended.set()
-        await asyncio.wait([showing])
-
-
-async def _show(notes: UnderWayNotes, question: Question, ended: asyncio.Event) -> None:
-    request, started_s = question.request, time.time()
-    with suppress(TimeoutError):
-        async with asyncio.timeout(SHOWN_AFTER_S):
-            await ended.wait()
-            return
-    deadline_s = started_s + question.deadline_s + GRACE_S
-    note = UnderWay(uuid4().hex, request.task, request.instruction, question.known.profile.name, started_s, deadline_s)
-    try:
-        await anyio.to_thread.run_sync(notes.begin, note)
-    except StoreUnavailableError as error:
-        logger.warning("%s", error)  # the prediction goes on without a note
-    await ended.wait()
-    await anyio.to_thread.run_sync(notes.end, note.id)

@@ -7,7 +7,7 @@ from starlette.responses import Response
 
 from app.api.access_rules import GUIDE
 from app.web.page import PageRoute, render, serve_assets
-from app.web.routes import episode, live, predict, predictions, tasks
+from app.web.routes import episode, predict, predictions, tasks
 
 HOME = "/ui/tasks"
 _others = APIRouter(route_class=PageRoute)
@@ -16,7 +16,7 @@ _others = APIRouter(route_class=PageRoute)
 def install_pages(app: FastAPI) -> None:
     """Let `app` serve the pages; they are no part of the API that its OpenAPI document describes."""
     serve_assets(app)
-    subjects = (tasks, episode, predict, predictions, live)
+    subjects = (tasks, episode, predict, predictions)
     routers = [router for subject in subjects for router in (subject.router, subject.documents)]
     for router in (*routers, _others):
         app.include_router(router, include_in_schema=False)

@@ -17,7 +17,6 @@ from roboprompt_client.errors import InvalidInputError, MotionError, NotConfirme
 from roboprompt_client.motion.guard import MotionGuard
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.runs.live import OnLost
 from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
@@ -40,7 +39,6 @@ class Arm:
         reach_m: how far the hand reaches from the base, for the preview of an arm without geometry.
         cameras: take the pictures of `observe`.
         viewpoints: poses from which cameras in the hand take their pictures.
-        on_lost: what a watched run does when contact with the service is lost (`Live`).
 
     Raises:
         InvalidInputError: for a bound of forces if the driver reports no forces.
@@ -63,9 +61,8 @@ class Arm:
         reach_m: float | None = None,
         cameras: Rig | None = None,
         viewpoints: Sequence[Pose] = (),
-        on_lost: OnLost = "continue",
     ) -> None:
-        self.driver, self.on_lost = driver, on_lost
+        self.driver = driver
         self.cameras, self.viewpoints = cameras, tuple(viewpoints)
         self.to_find: tuple[str, ...] = ()
         self.confirm_viewpoint: ConfirmViewpoint | None = None
@@ -101,7 +98,7 @@ class Arm:
         return self.state().matrix()
 
     def state(self) -> ArmState:
-        """Return the arm's present state in the world frame; safe to call from another thread."""
+        """Return the arm's present state in the world frame."""
         return self.calibration.state_to_world(self.driver.state())
 
     def look_around(self) -> tuple[RgbdFrame, ...]:

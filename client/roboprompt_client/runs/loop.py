@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any
@@ -32,14 +31,7 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 Preview = Callable[[Sequence[EndEffectorAction], MotionLimits, str | None], None]
 OnOutcome = Callable[[PredictedActions], Outcome | None]
-CarryingOut = Callable[[int, EndEffectorAction, str | None], AbstractContextManager[None]]
-Watch = Callable[[str, str], AbstractContextManager[CarryingOut]]
 log = logging.getLogger(__name__)
-
-
-def watch_nothing(task: str, instruction: str) -> AbstractContextManager[CarryingOut]:
-    """Return a watch that does nothing."""
-    return nullcontext(lambda *_: nullcontext())
 
 
 def show_nothing(*_: object) -> None:
@@ -62,8 +54,6 @@ class RunOptions:
             first action.
         preview: called with the actions, the limits and the prediction's id before the actions are checked and anything
             moves; with `stream` for each action, without the id.
-        watch: a context of the run that yields a context of each action's motion, given its index and the prediction's
-            id, if known. `partial(Live, client, robot)` lets people watch and stop the robot on the service's page.
         on_outcome: called with the prediction that was carried out; the outcome that it returns is recorded at the
             service. A failure to record is only logged.
 
@@ -78,7 +68,6 @@ class RunOptions:
     leading: Leading | None = None
     on_danger: OnDanger | None = None
     preview: Preview = show_nothing
-    watch: Watch = watch_nothing
     on_outcome: OnOutcome | None = None
 
     def __post_init__(self) -> None:
@@ -123,9 +112,8 @@ def run_task(
         of_task = client.motion_limits(task)
         allowed = of_task if how.pinned is None else of_task.intersection(how.pinned)
         asked = {name: option for name, option in options.items() if name not in own}
-        with how.watch(task, instruction) as carrying_out:
-            run = _Run(client, robot, task, instruction, allowed, how, carrying_out, asked)
-            predicted = run.streamed() if how.stream else run.whole()
+        run = _Run(client, robot, task, instruction, allowed, how, asked)
+        predicted = run.streamed() if how.stream else run.whole()
     except BaseException:
         stop_after_error(robot)
         raise
@@ -154,7 +142,6 @@ class _Run:
     instruction: str
     allowed: MotionLimits
     how: RunOptions
-    carrying_out: CarryingOut
     asked: Mapping[str, Any]
 
     def whole(self) -> PredictedActions:
@@ -171,13 +158,13 @@ class _Run:
         self.require_allowed(predicted.findings, predicted.actions)
         if finder is None:
             for index, action in enumerate(predicted.actions):
-                self.execute(index, action, predicted.id)
+                self.execute(index, action)
             return predicted
         if leading is not None:
             leading.note({pose.name: pose for pose in observation.objects or predicted.objects}, looked_s)
         follower = Follower(finder, predicted, observation, check, leading=leading)
         for index in range(len(predicted.actions)):
-            self.execute(index, follower.before(index), predicted.id)
+            self.execute(index, follower.before(index))
             follower.after(index)
         return replace(predicted, actions=follower.actions)
 
@@ -215,12 +202,11 @@ class _Run:
         danger = checked_on_danger(self.how.on_danger, self.how.confirm)
         require_allowed(findings, actions, danger, self.how.confirm)
 
-    def execute(self, index: int, action: EndEffectorAction, prediction_id: str | None = None) -> None:
+    def execute(self, index: int, action: EndEffectorAction) -> None:
         """Carry out an action if `confirm` allows it."""
         if self.how.confirm is not None and not self.how.confirm(index, action):
             raise NotConfirmedError(f"action {index + 1} was not allowed")
-        with self.carrying_out(index, action, prediction_id):
-            self.robot.execute(action)
+        self.robot.execute(action)
 
 
 def _require_still_cameras(robot: Robot) -> None:
