@@ -35,7 +35,8 @@ class Body:
         self.width_m = OPEN_M
         self.force_n = np.zeros(3)
         self.blocked = self.jammed = self.gone = self.halted = False
-        self.starts = self.halts = 0
+        self.slips = False  # the maker's interface says that a grasp has failed
+        self.starts = self.halts = self.let_go = 0
         self.code = 0  # the error that an xArm's box reports
         self.tool = np.eye(4)  # in the flange's frame
         self.unplanned, self.error = 0, None  # motions that franky's planner fails to plan; raised until it is joined
@@ -172,9 +173,11 @@ def franky(body):
 
         def grasp(self, width, speed, force, epsilon_inner, epsilon_outer):
             body.grip(0.0)
+            if body.slips:
+                raise RuntimeError("libfranka gripper: Command failed!")
 
         def stop(self):
-            pass
+            body.let_go += 1
 
     return Named(
         Robot=Robot,
@@ -249,6 +252,7 @@ def rtde(body):
         getActualQ=lambda: [0.1, -1.2, 1.4, -1.6, -1.6, 0.1],
         getActualQd=lambda: [0.0] * 6,
         getActualTCPForce=lambda: [*body.force_n, 0.0, 0.0, 0.5],
+        getDigitalOutState=lambda number: {16: body.width_m == 0.0}[number],
         isEmergencyStopped=lambda: False,
         isProtectiveStopped=lambda: False,
         disconnect=lambda: None,

@@ -7,7 +7,7 @@ from itertools import count
 
 import numpy as np
 import pytest
-from makers import DOWN, FIRST_M, MAKERS, Body
+from makers import DOWN, FIRST_M, MAKERS, OPEN_M, Body
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import STEERED_S, Calibration
@@ -106,6 +106,30 @@ def test_a_gripper_that_does_not_move_is_noticed(arm, body):
     body.jammed = True
     with pytest.raises(MotionError, match=r"to open, but measures 0\.0 of 80\.0 mm"):
         arm.execute(to())
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_gripper_that_starts_closed_opens_and_closes(arm, body, first):
+    body.width_m = 0.0
+    assert arm.state().gripper_open in (None, False)
+    for is_open in (first, not first, first):
+        arm.execute(to(gripper_open=is_open))
+        assert body.width_m >= OPEN_M if is_open else body.width_m == 0.0
+
+
+def test_a_gripper_that_starts_closed_and_does_not_open_is_noticed(arm, body):
+    body.width_m, body.jammed = 0.0, True
+    with pytest.raises(MotionError, match=r"to open, but measures 0\.0|output"):
+        arm.execute(to(gripper_open=True))
+
+
+def test_a_stop_after_a_grasp_that_failed_lets_go_of_nothing(body, monkeypatch):
+    arm = Arm(MAKERS["franka"](body, monkeypatch))
+    body.slips = True
+    with pytest.raises(MotionError, match="Command failed"):
+        arm.execute(to(gripper_open=False))
+    arm.stop()
+    assert (body.width_m, body.let_go) == (0.0, 0)
 
 
 @pytest.mark.parametrize("is_open", [True, False])

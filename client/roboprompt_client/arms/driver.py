@@ -27,7 +27,7 @@ class ArmState:
         position_m, quaternion_xyzw: (3,), (4,) end effector in the arm's base frame.
         joint_positions_rad, joint_velocities_rad_s: (J,), or None where the arm does not report them.
         gripper_width_m: measured between the fingers, or None.
-        gripper_open: the last command, where no width is measured; None without a gripper.
+        gripper_open: where no width is measured: as the arm reports it, or the last command; None: not known.
         wrench_n_nm: (6,) external force and torque on the hand, along the frame's axes, or None.
         time_s: by the arm's own clock, or None.
     """

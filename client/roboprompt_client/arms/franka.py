@@ -195,14 +195,16 @@ class Franka:
         if (hand := self._gripper) is None:
             return
         self._gripping = True
-        with self._errors("gripper"):
-            width_m, most_m = float(hand.width), float(hand.max_width)
-            if is_open and width_m < most_m - WIDTH_TOLERANCE_M:
-                hand.open(GRIPPER_M_S)
-            elif not is_open and width_m > WIDTH_TOLERANCE_M:
-                # Whatever it closes on, or nothing, is right: the width afterwards is what counts.
-                hand.grasp(0.0, GRIPPER_M_S, self._grasp_n, most_m, most_m)
-        self._gripping = False
+        try:
+            with self._errors("gripper"):
+                width_m, most_m = float(hand.width), float(hand.max_width)
+                if is_open and width_m < most_m - WIDTH_TOLERANCE_M:
+                    hand.open(GRIPPER_M_S)
+                elif not is_open and width_m > WIDTH_TOLERANCE_M:
+                    # Whatever it closes on, or nothing, is right: the width afterwards is what counts.
+                    hand.grasp(0.0, GRIPPER_M_S, self._grasp_n, most_m, most_m)
+        finally:
+            self._gripping = False
 
     @contextmanager
     def guided(self) -> Iterator[None]:

@@ -140,14 +140,16 @@ class Tolerance:
         return f"the hand met {state.force_n:.1f} N at {where_m} m, at most {most_n:g} N are allowed"
 
     def check_gripper(self, width_m: float, open_width_m: float, *, is_open: bool) -> None:
-        """Raise MotionError if the fingers, `open_width_m` apart when open, did not do as commanded."""
+        """Raise MotionError if the fingers, at least `open_width_m` apart when open, did not do as commanded."""
         if not math.isfinite(width_m):
             raise MotionError(f"the gripper's width is {width_m} m: whether it did as commanded is not known")
-        if is_open and width_m < open_width_m - self.width_m:
+        is_closed, is_wide = width_m <= self.width_m, width_m >= open_width_m - self.width_m
+        if is_open and (is_closed or not is_wide):
             of_mm = f"{1000 * width_m:.1f} of {1000 * open_width_m:.1f} mm"
             raise MotionError(f"the gripper was to open, but measures {of_mm}")
-        if not is_open and width_m > open_width_m - self.width_m:
-            raise MotionError(f"the gripper was to close, but still measures {1000 * width_m:.1f} mm")
+        if not is_open and is_wide and not is_closed:
+            message = f"the gripper was to close, but still measures {1000 * width_m:.1f} mm"
+            raise MotionError(f"{message} (if it held something before: give the cell `open_width_m`)")
 
 
 def problem_ahead(

@@ -16,6 +16,7 @@ SPEED_M_S, ACCELERATION_M_S2 = 0.1, 0.3
 STOP_M_S2 = 2.0
 SERVO_LOOKAHEAD_S, SERVO_GAIN = 0.1, 300.0
 POLL_S, GRIPPER_S = 0.05, 1.0
+FIRST_TOOL_OUTPUT = 16  # of the receive interface, which numbers all digital outputs in a row
 
 
 class UR:
@@ -52,7 +53,6 @@ class UR:
         self._control, self._receive = (self._connected(kind, address) for kind in ("Control", "Receive"))
         self._outputs = None if gripper_output is None else self._connected("IO", address)
         self._output, self._gripper_s = gripper_output, gripper_s
-        self._gripper_open: bool | None = None if gripper_output is None else True
         self._progress_before, self._steering = -1, False
 
     def _connected(self, kind: str, address: str) -> MakersObject:
@@ -68,9 +68,13 @@ class UR:
             rotations.canonical(rotations.from_rotation_vector(turn)),
             np.array(self._receive.getActualQ()),
             np.array(self._receive.getActualQd()),
-            gripper_open=self._gripper_open,
+            gripper_open=self._gripper_open(),
             wrench_n_nm=np.array(self._receive.getActualTCPForce()),
         )
+
+    def _gripper_open(self) -> bool | None:
+        """Return the state of the tool's output, whoever has set it; None without a gripper."""
+        return None if self._output is None else not self._receive.getDigitalOutState(FIRST_TOOL_OUTPUT + self._output)
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
         """Check the target by the controller's safety limits; the controller itself checks the way to it."""
@@ -117,11 +121,10 @@ class UR:
             raise MotionError(f"{self.name}: the motion was refused")
 
     def set_gripper(self, *, is_open: bool) -> None:
-        if self._outputs is None or is_open == self._gripper_open:
+        if self._outputs is None or is_open == self._gripper_open():
             return
         if not self._outputs.setToolDigitalOut(self._output, not is_open):
             raise MotionError(f"{self.name}: the tool's output {self._output} was not set")
-        self._gripper_open = is_open
         time.sleep(self._gripper_s)
 
     def halt(self) -> None:
