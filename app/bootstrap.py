@@ -13,7 +13,7 @@ from app.api.access import Access
 from app.api.app import create_app
 from app.api.middleware import BodyLimits
 from app.llm.registry import ModelRegistry
-from app.logs import Tracing, hide_keys_in_access_log
+from app.logs import Tracing, hide_keys_in_access_log, show_changes
 from app.services.api_keys import has_keys
 from app.services.container import Services
 from app.services.limits import Limits
@@ -136,6 +136,7 @@ def _is_local(settings: Settings) -> bool:
 def build_app(settings: Settings) -> FastAPI:
     """The ASGI application for these settings: the API and the pages."""
     hide_keys_in_access_log()
+    show_changes()
     access = access_for(settings)
     tracing = _tracing(settings.otel_endpoint)
     megabytes = (settings.max_body_mb, settings.max_inline_mb, settings.max_document_mb, settings.max_held_mb)

@@ -12,6 +12,7 @@ from typing import Any
 
 from fastapi import FastAPI
 
+from app.api.access import CHANGES
 from app.services import measures
 from roboprompt_client.http import is_own_machine
 
@@ -49,6 +50,17 @@ def log_as_json() -> None:
 def hide_keys_in_access_log() -> None:
     """Hide API keys where addresses are logged: a client may put one into an address by mistake."""
     logging.getLogger("uvicorn.access").addFilter(_without_keys)  # adding it again changes nothing
+
+
+def show_changes() -> None:
+    """Write the lines of `CHANGES` to standard error, whatever else is logged."""
+    logger = logging.getLogger(CHANGES)
+    logger.setLevel(logging.INFO)
+    if not logger.handlers:
+        handler = logging.StreamHandler()
+        handler.setFormatter(logging.Formatter("%(asctime)s %(name)s %(message)s"))
+        handler.addFilter(_without_keys)
+        logger.addHandler(handler)
 
 
 def _without_keys(record: logging.LogRecord) -> bool:

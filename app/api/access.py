@@ -3,6 +3,7 @@
 A rate is limited by a token bucket for each key, or for each address where there is no key.
 """
 
+import logging
 import math
 import re
 import time
@@ -12,7 +13,7 @@ from urllib.parse import quote, urlsplit
 
 from fastapi.responses import RedirectResponse
 from starlette.responses import Response
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.api.access_rules import (
     HEALTH,
@@ -42,6 +43,8 @@ _TOO_LONG = Kind(414, "address-too-long", "The address is too long")
 _HOST = re.compile(r"(\[[\da-f:.]+\]|[\w.~-]+)(:\d*)?", re.ASCII | re.IGNORECASE)
 _EVERYTHING = Visibility()
 _CHALLENGE = 'Bearer realm="roboprompt"'
+CHANGES = "roboprompt.changes"  # the logger of who changed what, a line for each request that did
+changes = logging.getLogger(CHANGES)
 HOW = "send `Authorization: Bearer KEY` or `X-API-Key: KEY`; `roboprompt keys add` makes one"
 
 
@@ -107,8 +110,14 @@ class AccessControl:
         if refusal is not None:
             await refusal(scope, receive, send)
             return
+
+        async def noting_send(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                _note_change(scope, caller, message)
+            await send(message)
+
         with seeing(_EVERYTHING if caller is None else caller.visibility):
-            await self._app(scope, receive, send)
+            await self._app(scope, receive, send if scope["method"] in SAFE_METHODS else noting_send)
 
     async def _admitted(self, scope: Scope) -> tuple[Response | None, Caller | None]:
         """Return the refusal or None, and the caller or None if no keys are required."""
@@ -196,6 +205,17 @@ async def _caller(scope: Scope, credential: Credential) -> Caller | None:
     services: Services = scope["app"].state.services
     known = services.sessions if credential.by_cookie else services.keys
     return await known.recognize(credential.token)
+
+
+def _note_change(scope: Scope, caller: Caller | None, start: Message) -> None:
+    """Log who changed what, if the answer that starts says that something was changed."""
+    if start["status"] >= 400:
+        return
+    key = "-" if caller is None else f"{caller.name} ({caller.key_id})"
+    made = dict(start["headers"]).get(b"location", b"-").decode("latin-1")
+    changes.info(
+        "key=%s method=%s path=%s status=%d made=%s", key, scope["method"], quote(scope["path"]), start["status"], made
+    )
 
 
 def _host_of(authority: str) -> str | None:

@@ -32,7 +32,7 @@ _RULES = tuple(
         # it asks an LLM
         ("GET", f"/tasks/{_NAME}/check", "predict"),
         ("POST", "/episodes", "upload"),
-        # nothing is lost, and the audit log has it
+        # nothing is lost
         ("PATCH", f"/episodes/{_NAME}", "upload"),
         # whether an interrupted upload was stored
         ("GET", f"/uploads/{_NAME}", "read", "upload"),

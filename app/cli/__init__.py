@@ -13,7 +13,6 @@ from roboprompt_client.version import VERSION
 COMMANDS = {
     "serve": ("serve:serve", "Run the service until Ctrl-C."),
     "doctor": ("doctor:doctor", "Check what RoboPrompt needs on this machine."),
-    "audit": ("administration:audit", "Print the audit log and verify that no entry was changed, removed or inserted."),
     "backup": ("administration:back_up", "Write everything that is stored to a file; the service may keep running."),
     "restore": ("administration:restore", "Put a backup into an empty store, of the same or another kind of database."),
     "jobs": ("serve:jobs", "Run all queued re-extractions of tasks, then end."),

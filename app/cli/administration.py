@@ -1,4 +1,4 @@
-"""Administration of the store: `roboprompt keys add | list | revoke`, `audit`, `backup`, `restore`."""
+"""Administration of the store: `roboprompt keys add | list | revoke`, `backup`, `restore`."""
 
 import json
 import re
@@ -12,7 +12,6 @@ import typer
 from app.cli.shared import Data, EnvFile, opened_store
 from app.services.api_keys import create_key
 from app.store import api_keys, backup
-from app.store import audit as log
 
 keys = typer.Typer(no_args_is_help=True, help="API keys: add, list, revoke.")
 _PERIOD = re.compile(r"(\d{1,5})([hdw])", re.ASCII)
@@ -82,42 +81,6 @@ def _state(key: api_keys.ApiKeyRecord, now: datetime) -> str:
 
 def _minute(moment: datetime) -> str:
     return f"{moment:%Y-%m-%d %H:%M}"
-
-
-def audit(
-    data: Data = None,
-    env_file: EnvFile = None,
-    as_json: Annotated[bool, typer.Option("--json", help="one JSON object a line")] = False,
-    holds: Annotated[
-        str | None, typer.Option(help="digest of an entry that was noted down: the log must still have it")
-    ] = None,
-) -> None:
-    """Print the audit log, oldest first, and verify that no entry was changed, removed or inserted.
-
-    The exit status is 1 if one was, and the first such entry is named. What was cut off at the end shows only by a
-    digest that was kept elsewhere: --holds.
-    """
-    found, newest, number = holds is None, log.NO_DIGEST, 0
-    with opened_store(data, env_file) as store, store.read() as connection:
-        try:
-            for entry in log.verified(log.entries(connection)):
-                typer.echo(json.dumps({**asdict(entry), "at": entry.at.isoformat()}) if as_json else _line(entry))
-                found = found or entry.digest == holds
-                newest, number = entry.digest, entry.number
-        except log.BrokenChainError as error:
-            typer.echo(f"the log was changed: {error}", err=True)
-            raise typer.Exit(1) from None
-    if not found:
-        typer.echo(f"the log was cut off or replaced: no entry has the digest {holds}", err=True)
-        raise typer.Exit(1)
-    typer.echo(f"{number} entries, unbroken; digest of the newest: {newest}", err=True)
-
-
-def _line(entry: log.AuditEntry) -> str:
-    who_what = "".join(
-        sign if sign.isprintable() else "?" for sign in f"{entry.actor}  {entry.action}  {entry.subject}"
-    )
-    return f"{entry.number}  {entry.at:%Y-%m-%d %H:%M:%S}  {who_what}  {entry.details}"
 
 
 def back_up(

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import Connection, delete, insert, or_, select, update
 
-from app.store import audit, tables
+from app.store import tables
 from app.store.errors import NotFoundError
 
 _KEYS, _SESSIONS = tables.api_keys, tables.sessions
@@ -33,9 +33,6 @@ class ApiKeyRecord:
 def add(connection: Connection, record: ApiKeyRecord) -> None:
     """Store a new key."""
     connection.execute(insert(_KEYS).values(vars(record)))
-    limits = {"tasks": record.tasks, "expires_at": None if record.expires_at is None else record.expires_at.isoformat()}
-    limits_set = {name: value for name, value in limits.items() if value is not None}
-    audit.record(connection, "key.created", record.id, {"name": record.name, "scopes": record.scopes, **limits_set})
 
 
 def list_all(connection: Connection) -> tuple[ApiKeyRecord, ...]:
@@ -56,12 +53,11 @@ def name_of(connection: Connection, key_id: str | None) -> str | None:
 
 def revoke(connection: Connection, key_id: str) -> None:
     """Revoke a key; revoking it twice changes nothing. Raises NotFoundError."""
-    if (name := name_of(connection, key_id)) is None:
+    if name_of(connection, key_id) is None:
         raise NotFoundError("API key", key_id)
     query = update(_KEYS).where(_KEYS.c.id == key_id, _KEYS.c.revoked_at.is_(None))
     if connection.execute(query.values(revoked_at=datetime.now(UTC))).rowcount:
         connection.execute(delete(_SESSIONS).where(_SESSIONS.c.key_id == key_id))
-        audit.record(connection, "key.revoked", key_id, {"name": name})
 
 
 def note_use(connection: Connection, key_id: str, within: timedelta) -> None:

@@ -6,7 +6,6 @@ be damaged, or made to do harm.
 """
 
 import hashlib
-import logging
 import shutil
 import tarfile
 import tempfile
@@ -15,11 +14,10 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 from sqlalchemy import Connection, Table, exc, exists, func, insert, select, text
 
-from app.store import api_keys, audit, sqlite, tables
+from app.store import sqlite, tables
 from app.store.data_folder import durably_written
 from app.store.database import Database, migrate
 from app.store.errors import ConflictError, CorruptDataError, disk_errors
@@ -29,8 +27,6 @@ DATABASE_NAME = "roboprompt.db"
 BLOB_PREFIX = "blobs/"
 ROWS_AT_ONCE = 500
 MAX_BLOB_BYTES = 1_000_000_000  # a request brings less by far
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -104,19 +100,17 @@ def _copy_table(source: Connection, target: Connection, table: Table) -> int:
 def restore(store: Store, path: Path, *, with_keys: bool = False) -> BackupSummary:
     """Put everything of a backup but its API keys into an empty store: all of it or, after an error, no row of it.
 
-    The audit log of a store that has none yet goes on where the backup's ends; another stays, and notes the restore.
-
     Args:
         with_keys: restore the keys, too, including those revoked since the backup and any that were put into the file.
 
     Raises:
-        ConflictError: if the store has something already; keys and an audit log do not count, unless keys are brought.
+        ConflictError: if the store has something already; keys do not count, unless they are brought.
         CorruptDataError: if the file is damaged or no backup.
         SchemaVersionError: if newer code wrote it.
         StoreUnavailableError: if it cannot be read, or the store not be written.
     """
     # What a store may have of its own, and a backup does not bring.
-    own = {tables.sessions, tables.audit_log} | (set() if with_keys else {tables.api_keys})
+    own = {tables.sessions} | (set() if with_keys else {tables.api_keys})
     with store.read() as connection:
         _require_empty(connection, own)
     with tempfile.TemporaryDirectory(prefix="roboprompt-restore-") as folder, _archive(path) as archive:
@@ -130,10 +124,7 @@ def restore(store: Store, path: Path, *, with_keys: bool = False) -> BackupSumma
                 if missing := blob_digests(source) - put:
                     raise _damaged(path, f"it lacks {len(missing)} blobs")
                 with _row_errors(path):
-                    goes_on = audit.newest(target) is None and _is_whole(source)
-                    rows = _copy_rows(source, target, own - {tables.audit_log} if goes_on else own)
-                    details = _restored(source, path, with_keys=with_keys)
-                audit.record(target, "store.restored", path.name[:200], details)
+                    rows = _copy_rows(source, target, own)
     return BackupSummary(rows, len(put))
 
 
@@ -174,24 +165,6 @@ def _members(archive: tarfile.TarFile, path: Path) -> Iterator[tarfile.TarInfo]:
             yield member
     except (KeyError, ValueError, OverflowError, RecursionError, EOFError, TypeError) as error:
         raise _damaged(path, f"its headers make no sense: {error!r:.200}") from error
-
-
-def _is_whole(source: Connection) -> bool:
-    try:
-        for _ in audit.verified(audit.entries(source)):
-            pass
-    except audit.BrokenChainError as error:
-        logger.warning("the backup's audit log was changed and is left out: %s", error)
-        return False
-    return True
-
-
-def _restored(source: Connection, path: Path, *, with_keys: bool) -> dict[str, Any]:
-    newest = audit.newest(source)
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    keys = [record.id for record in api_keys.list_all(source)] if with_keys else []
-    return {"file_sha256": digest, "its_log_ends_with": None if newest is None else newest.digest, "keys": keys}
 
 
 def _damaged(path: Path, reason: str) -> CorruptDataError:

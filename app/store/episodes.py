@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Row, Text, bindparam, cast, delete, exists, func, insert, select, update
 
-from app.store import audit, tables, tasks
+from app.store import tables, tasks
 from app.store.errors import NotFoundError
 from app.store.filters import EpisodeFilter, fetch_page
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, Page
@@ -15,7 +15,6 @@ from app.store.visibility import of_visible_tasks, present
 
 MAX_INSTRUCTIONS = 50
 EVERY = EpisodeFilter()
-_AUDITED = ("instruction", "left_out", "note", "trim")  # what else changes follows from these
 _EPISODES, _FILMS = tables.episodes, tables.films
 _WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column.name != "trajectory"]
 LISTED = [column for column in _WITHOUT_TRAJECTORY if column.name != "extra"]
@@ -146,11 +145,6 @@ def edit(connection: Connection, record: EpisodeRecord, changes: Mapping[str, An
         raise NotFoundError("episode", record.id)
     if changed.keys() != {"note"}:
         tasks.change(connection, record.task, {})
-    after = {name: changed[name] for name in _AUDITED if name in changed}
-    before = {name: getattr(record, name) for name in after}
-    if after:
-        details = {"task": record.task, "before": before, "after": after}
-        audit.record(connection, "episode.edited", record.id, details)
     return replace(record, **values)
 
 
@@ -168,7 +162,6 @@ def remove(connection: Connection, episode_id: str) -> str:
         raise NotFoundError("episode", episode_id)
     others_left = connection.scalar(select(exists().where(_EPISODES.c.task == task)))
     tasks.change(connection, task, {} if others_left else {"object_names": None})
-    audit.record(connection, "episode.deleted", episode_id, {"task": task})
     return task
 
 

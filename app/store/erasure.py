@@ -10,12 +10,12 @@ from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import Connection, Select, Text, cast, delete, func, select
 
-from app.store import audit, tables
+from app.store import tables
 from app.store.blobs import digests_in
 from app.store.errors import NotFoundError
 from app.store.idempotency import PREDICT, UPLOAD
 from app.store.store import Store
-from app.store.visibility import Visibility, of_visible_predictions, present, seeing
+from app.store.visibility import of_visible_predictions, present
 
 _TASKS, _EPISODES, _PREDICTIONS, _LABELS = tables.tasks, tables.episodes, tables.predictions, tables.labels
 _JOBS, _STAGED, _KEYS = tables.jobs, tables.staged_extractions, tables.idempotency_keys
@@ -31,7 +31,6 @@ def erase_prediction(connection: Connection, prediction_id: str) -> None:
     # A case of it that is being kept waits, and then finds no prediction.
     if connection.scalar(seen.with_for_update()) is None or not erase_predictions(connection, [prediction_id]):
         raise NotFoundError("prediction", prediction_id)
-    audit.record(connection, "prediction.deleted", prediction_id)
 
 
 def erase_predictions(connection: Connection, ids: Sequence[str] | Select[tuple[str]]) -> int:
@@ -55,13 +54,12 @@ def erase_task(connection: Connection, name: str) -> None:
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == UPLOAD, uploaded))
     connection.execute(delete(tables.replaced_settings).where(tables.replaced_settings.c.task == name))
     predictions = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
-    held = {_PREDICTIONS.name: erase_predictions(connection, predictions)}
+    erase_predictions(connection, predictions)
     episodes = select(_EPISODES.c.id).where(_EPISODES.c.task == name)
     connection.execute(delete(tables.films).where(tables.films.c.episode_id.in_(episodes)))
     for table in (_EPISODES, _LABELS):
-        held[table.name] = connection.execute(delete(table).where(table.c.task == name)).rowcount
+        connection.execute(delete(table).where(table.c.task == name))
     connection.execute(delete(_TASKS).where(_TASKS.c.name == name))
-    audit.record(connection, "task.deleted", name, held)
 
 
 def predictions_before(connection: Connection, moment: datetime, limit: int) -> tuple[str, ...]:
@@ -127,11 +125,8 @@ def _older_than(store: Store, moment: datetime) -> tuple[str, ...]:
 
 
 def _erase(store: Store, ids: tuple[str, ...]) -> int:
-    """Delete predictions that are no cases, with their entry in the audit log; return how many."""
-    with seeing(Visibility(actor="retention")), store.write() as connection:
+    """Delete predictions that are no cases; return how many."""
+    with store.write() as connection:
         chosen = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id.in_(ids))
         connection.execute(chosen.with_for_update())  # none becomes a case meanwhile
-        number = erase_predictions(connection, list(connection.scalars(chosen.where(_IS_NO_CASE))))
-        if number:
-            audit.record(connection, "predictions.expired", "", {"predictions": number})
-    return number
+        return erase_predictions(connection, list(connection.scalars(chosen.where(_IS_NO_CASE))))

@@ -210,17 +210,3 @@ staged_extractions = Table(
     Column("keyframes", Items(KeyframeRecord), nullable=False),
     Column("objects", Items(ObjectRecord), nullable=False),
 )
-
-# See app.store.audit. Numbers are given by the writer, without gaps.
-audit_log = Table(
-    "audit_log",
-    metadata,
-    Column("number", Integer, primary_key=True, autoincrement=False),
-    Column("at", UtcDateTime, nullable=False),
-    Column("actor", String(96), nullable=False),
-    Column("action", String(32), nullable=False),
-    Column("subject", String(255), nullable=False),
-    Column("details", Text, nullable=False),
-    Column("previous", String(64), nullable=False),
-    Column("digest", String(64), nullable=False),
-)

@@ -8,14 +8,13 @@ from sqlalchemy import Connection, bindparam, func, select, update
 from sqlalchemy.dialects.postgresql import insert as postgresql_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
-from app.store import audit, replaced_settings, tables
+from app.store import replaced_settings, tables
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import TaskCounts, TaskRecord
 from app.store.values import JsonObject
 from app.store.visibility import of_visible_predictions, of_visible_tasks, present
 
 _TASKS = tables.tasks
-_BOUNDS = ("workspace", "motion_limits")  # settings that decide which actions are unsafe
 # Every prediction asks this, and building the statement would take as long as running it.
 _GET = select(_TASKS).where(_TASKS.c.name == bindparam("name"))
 
@@ -75,7 +74,7 @@ def get_or_create(connection: Connection, name: str, settings: JsonObject) -> Ta
 
 
 def update_settings(connection: Connection, name: str, settings: JsonObject) -> TaskRecord:
-    """Replace the task's settings; if they differ the version grows, and the audit log has what bounds motion.
+    """Replace the task's settings; if they differ the version grows.
 
     The earlier ones are kept, see `replaced_settings`. Raises NotFoundError.
     """
@@ -83,19 +82,7 @@ def update_settings(connection: Connection, name: str, settings: JsonObject) -> 
     if task.settings != settings:
         replaced_settings.keep(connection, task, settings)
         change(connection, name, {"settings": settings})
-        record_limits(connection, name, task.settings, settings)
     return get(connection, name)
-
-
-def record_limits(
-    connection: Connection, name: str, before: JsonObject, after: JsonObject, *, action: str = "limits.changed"
-) -> None:
-    """Add an entry to the audit log if the settings' bounds of motion differ."""
-    changed = [bound for bound in _BOUNDS if before.get(bound) != after.get(bound)]
-    if changed:
-        both = {"before": before, "after": after}
-        details = {when: {bound: values.get(bound) for bound in changed} for when, values in both.items()}
-        audit.record(connection, action, name, details)
 
 
 def change(connection: Connection, name: str, values: Mapping[str, Any]) -> None:

@@ -2,7 +2,6 @@
 
 import hashlib
 import io
-import json
 import sqlite3
 import tarfile
 import time
@@ -12,7 +11,7 @@ from typer.testing import CliRunner
 
 from app.cli import application
 from app.services.api_keys import create_key
-from app.store import api_keys, audit
+from app.store import api_keys
 from app.store.backup import back_up, restore
 from app.store.errors import ConflictError, CorruptDataError
 from app.store.store import Store
@@ -41,11 +40,6 @@ def new(tmp_path):
 def key_names(store):
     with store.read() as connection:
         return [record.name for record in api_keys.list_all(connection)]
-
-
-def log_of(store):
-    with store.read() as connection:
-        return list(audit.verified(audit.entries(connection)))
 
 
 def member(name, kind=tarfile.REGTYPE, **attributes):
@@ -142,7 +136,6 @@ def test_a_database_that_runs_something(backup, new, statement):
 def test_rows_that_no_service_writes_restore_nothing(backup, new, statement):
     with pytest.raises(CorruptDataError):
         restore(new, rewritten(backup, statement))
-    assert log_of(new) == []
 
 
 def test_keys_are_restored_only_on_request(backup, new):
@@ -154,26 +147,9 @@ def test_keys_are_restored_only_on_request(backup, new):
 def test_restored_keys_are_named_in_the_log(backup, new):
     restore(new, backup, with_keys=True)
     assert key_names(new) == ["revoked", "valid"]
-    assert len(json.loads(log_of(new)[-1].details)["keys"]) == 2
 
 
 def test_keys_are_not_restored_into_a_store_with_keys(backup, new):
     create_key(new, "mine", ["admin"])
     with pytest.raises(ConflictError, match="api_keys"):
         restore(new, backup, with_keys=True)
-
-
-def test_a_log_goes_on_in_the_new_store(backup, new):
-    restore(new, backup)
-    assert [entry.action for entry in log_of(new)] == ["key.created", "key.created", "store.restored"]
-
-
-def test_a_log_that_was_changed_does_not_replace_one(backup, new):
-    restore(new, rewritten(backup, "UPDATE audit_log SET subject = 'other' WHERE number = 1"))
-    assert [entry.action for entry in log_of(new)] == ["store.restored"]
-
-
-def test_a_store_with_a_log_keeps_its_own(backup, new):
-    create_key(new, "mine", ["admin"])
-    restore(new, backup)
-    assert [entry.action for entry in log_of(new)] == ["key.created", "store.restored"]

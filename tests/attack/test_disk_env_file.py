@@ -48,7 +48,7 @@ def test_an_unread_env_file_is_named_in_a_warning(planted, monkeypatch):
     assert ".env in this folder is not read" in done.stderr
 
 
-@pytest.mark.parametrize("command", ["serve", "jobs", "backup", "restore", "audit", "keys list"])
+@pytest.mark.parametrize("command", ["serve", "jobs", "backup", "restore", "keys list"])
 def test_every_command_with_settings_takes_one(command):
     words = command.split()
     shown = CliRunner().invoke(application, [*words, "--help"], env={"COLUMNS": "200"})

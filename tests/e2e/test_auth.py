@@ -185,6 +185,17 @@ def test_a_cookie_changes_nothing_without_an_origin(http, address, tokens):
     assert http.put("/tasks/by_cookie", json={}, headers={**cookie, "origin": address}).status_code == 200
 
 
+def test_the_log_says_who_changed_what(http, data, tokens):
+    http.put("/tasks/logged", json={}, headers=bearer(tokens["admin"]))
+    http.put("/tasks/logged", json={}, headers=bearer(tokens["read"]))
+    http.get("/tasks/logged", headers=bearer(tokens["admin"]))
+    lines = [line for line in (data / "server.log").read_text().splitlines() if "path=/tasks/logged" in line]
+    (line,) = lines
+    key_id = tokens["admin"].split("_")[1]
+    said = f"roboprompt.changes key=only-admin ({key_id}) method=PUT path=/tasks/logged status=200 made=-"
+    assert line.endswith(said)
+
+
 def test_no_cors(http, tokens):
     asked = {"origin": "https://evil.example", "access-control-request-method": "GET", **bearer(tokens["admin"])}
     for answer in (http.options("/episodes", headers=asked), http.get("/episodes", headers=asked)):

@@ -3,7 +3,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import update
 
-from app.store import audit, erasure, predictions, tables
+from app.store import erasure, predictions, tables
 from app.store.erasure import keep_house
 from app.store.errors import StoreUnavailableError
 from tests.store.drafts import camera_record, predict, prediction_draft
@@ -35,9 +35,6 @@ def test_old_predictions_go_and_their_images_with_a_later_sweep(store):
     age(store, old, 3 * DAY)
     keep_house(store, max_age=2 * DAY)
     assert kept(store) == [new.id]
-    with store.read() as connection:
-        noted = audit.newest(connection)
-    assert (noted.actor, noted.action, noted.details) == ("retention", "predictions.expired", '{"predictions":1}')
     keep_house(store, max_age=timedelta(0))
     assert kept(store) == [new.id]  # it is an hour's work: another process, or this one, has just done it
     (store._data_dir / ".swept").write_text("0")
@@ -74,16 +71,3 @@ def test_a_disk_that_refuses_the_note_of_a_sweep_is_an_error_of_the_store(store)
     (store._data_dir / ".swept").mkdir()
     with pytest.raises(StoreUnavailableError):
         keep_house(store)
-
-
-def test_what_is_deleted_and_its_audit_entry_are_stored_together(store, monkeypatch):
-    record = predict(store, prediction_draft())
-    age(store, record, 3 * DAY)
-
-    def broken(*_, **__):
-        raise StoreUnavailableError("the disk is full")
-
-    monkeypatch.setattr(audit, "record", broken)
-    with pytest.raises(StoreUnavailableError):
-        keep_house(store, max_age=2 * DAY)
-    assert kept(store) == [record.id]

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import func, select, update
 
-from app.store import audit, erasure, idempotency, jobs, labels, predictions, tables, tasks
+from app.store import erasure, idempotency, jobs, labels, predictions, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.labels import LabelRecord
 from app.store.records import Extraction
@@ -56,9 +56,6 @@ def test_a_task_goes_with_all_that_it_holds(store):
     assert counts(store) == {name: 2 * number for name, number in alone.items()}
     write(store, erasure.erase_task, TASK)
     assert counts(store) == alone
-    noted = read(store, audit.newest)
-    held = '{"episodes":1,"labels":1,"predictions":1}'
-    assert (noted.action, noted.subject, noted.details) == ("task.deleted", TASK, held)
     with store.read() as connection:
         assert tasks.get(connection, OTHER).object_names == ("drawer", "cube")
         assert idempotency.answered(connection, idempotency.UPLOAD, f"up {OTHER}") is not None
@@ -84,7 +81,6 @@ def test_a_prediction_goes_with_the_answer_that_was_kept(store):
         remember(store, idempotency.PREDICT, record.id, {"id": record.id})
     write(store, erasure.erase_prediction, gone.id)
     with store.read() as connection:
-        assert audit.newest(connection).subject == gone.id
         assert predictions.get(connection, kept.id) == kept
         assert idempotency.answered(connection, idempotency.PREDICT, gone.id) is None
         assert idempotency.answered(connection, idempotency.PREDICT, kept.id) is not None

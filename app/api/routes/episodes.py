@@ -150,7 +150,7 @@ def get_metadata(services: Wired, episode_id: str) -> Response:
 async def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, FromBody()]) -> Response:
     """Correct the instruction, leave the episode out of prompts or show it again, change its note, or trim its ends.
 
-    The first instruction is kept as `uploaded_instruction`, and the audit log says who changed what. An episode that is
+    The first instruction is kept as `uploaded_instruction`. An episode that is
     trimmed or shown again is extracted with the task's present settings; of a trimmed one every address and export has
     the kept part. Its objects keep their poses, so it cannot begin after one was moved.
     """

@@ -90,9 +90,7 @@ class ConfigureTask:
         with self._store.write() as connection:
             if version is not None:
                 tasks.require_version(connection, name, version)
-            job = jobs.add(connection, name, kept)
-            tasks.record_limits(connection, name, before.settings, wanted, action="limits.requested")
-        return job
+            return jobs.add(connection, name, kept)
 
     def _planned(
         self,
@@ -121,7 +119,6 @@ class ConfigureTask:
             task = tasks.get_or_create(connection, name, settings)
             if task.settings != settings:
                 raise ConflictError(f"task {name!r} was created meanwhile: read it again and repeat")
-            tasks.record_limits(connection, name, TaskSettings().model_dump(mode="json"), settings)
         return task
 
 
