@@ -13,8 +13,7 @@ from roboprompt_client.version import VERSION
 COMMANDS = {
     "serve": ("serve:serve", "Run the service until Ctrl-C."),
     "doctor": ("doctor:doctor", "Check what RoboPrompt needs on this machine."),
-    "backup": ("administration:back_up", "Write everything that is stored to a file; the service may keep running."),
-    "restore": ("administration:restore", "Put a backup into an empty store, of the same or another kind of database."),
+    "backup": ("administration:back_up", "Write the data folder to a tar file; the service may keep running."),
     "jobs": ("serve:jobs", "Run all queued re-extractions of tasks, then end."),
     "demo": ("demo:demo", "Teach a simulated Panda, then predict and execute on unseen scenes."),
     "eval": (

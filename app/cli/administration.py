@@ -1,4 +1,4 @@
-"""Administration of the store: `roboprompt keys add | list | revoke`, `backup`, `restore`."""
+"""Administration of the store: `roboprompt keys add | list | revoke`, `backup`."""
 
 import json
 import re
@@ -84,25 +84,14 @@ def _minute(moment: datetime) -> str:
 
 
 def back_up(
-    file: Annotated[Path, typer.Argument(help="the file to write; an existing one is replaced")],
+    file: Annotated[Path, typer.Argument(help="the .tar file to write; an existing one is replaced")],
     data: Data = None,
     env_file: EnvFile = None,
 ) -> None:
-    """Write every task, episode, image and prediction to a file; the service may keep running."""
-    with opened_store(data, env_file) as store:
-        summary = backup.back_up(store, file)
-    print(json.dumps(asdict(summary)))  # noqa: T201
+    """Write the data folder of one moment to a tar file; the service may keep running.
 
-
-def restore(
-    file: Annotated[Path, typer.Argument(help="a backup", exists=True, dir_okay=False)],
-    data: Data = None,
-    with_keys: Annotated[
-        bool, typer.Option("--with-keys", help="also restore its API keys, those revoked since then included")
-    ] = False,
-    env_file: EnvFile = None,
-) -> None:
-    """Put a backup into an empty store, of the same or another kind of database. Its API keys are left out."""
+    `tar -xf FILE -C FOLDER` unpacks it into an empty folder, for `roboprompt serve --data FOLDER`.
+    """
     with opened_store(data, env_file) as store:
-        summary = backup.restore(store, file, with_keys=with_keys)
-    print(json.dumps(asdict(summary)))  # noqa: T201
+        num_blobs = backup.back_up(store, file)
+    typer.echo(f"{file}: the database and {num_blobs} images")

@@ -191,7 +191,7 @@ def database(settings: Settings) -> Probe:
                 revision, differences = context.get_current_revision(), compare_metadata(context, metadata)
     except (RoboPromptError, ArgumentError) as error:
         return Probe(
-            "database", "wrong", str(error), "as it says; `roboprompt restore` reads a backup into an empty one"
+            "database", "wrong", str(error), "as it says; a backup is unpacked into an empty folder by `tar -xf`"
         )
     if differences:
         seen = f"its tables are not those of its revision: {len(differences)} differences, first {differences[0]}"

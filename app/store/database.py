@@ -72,6 +72,16 @@ class Database:
         with self.errors(), turn, self.engine.connect() as connection, begin_write(connection):
             yield connection
 
+    def copy(self, path: Path) -> None:
+        """Write a copy of one moment to a new file.
+
+        Raises:
+            StoreUnavailableError: if it cannot be written; for PostgreSQL, which has tools of its own.
+        """
+        if not self.is_sqlite:
+            raise StoreUnavailableError("the database is PostgreSQL: back it up with pg_dump, and the blobs beside it")
+        sqlite.vacuum_into(self.engine, path)
+
     def close(self) -> None:
         self.engine.dispose()
 

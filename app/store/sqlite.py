@@ -111,18 +111,13 @@ def check_foreign_keys(connection: Connection) -> None:
         )
 
 
-def require_plain(path: Path) -> None:
-    """Refuse a file from elsewhere that holds what SQLite would run: a view, trigger or virtual table.
+def vacuum_into(engine: Engine, path: Path) -> None:
+    """Write the database of one moment to a new file; raises StoreUnavailableError.
 
-    Raises CorruptDataError, also for a file that is no database.
+    The statement must not stand in a transaction (https://sqlite.org/lang_vacuum.html#vacuuminto).
     """
-    query = "SELECT type, name FROM sqlite_master WHERE type NOT IN ('table', 'index') OR sql LIKE 'CREATE VIRTUAL%'"
-    try:
-        with contextlib.closing(sqlite3.connect(path)) as connection:
-            connection.execute("PRAGMA trusted_schema=OFF")
-            connection.execute("PRAGMA cell_size_check=ON")
-            found = connection.execute(query).fetchone()
-    except sqlite3.Error as error:
-        raise CorruptDataError("database", str(path), str(error)) from error
-    if found is not None:
-        raise CorruptDataError("database", str(path), f"it has the {found[0]} {found[1]!r:.80}")
+    with contextlib.closing(engine.raw_connection()) as connection:
+        try:
+            cast(sqlite3.Connection, connection.dbapi_connection).execute("VACUUM INTO ?", [str(path)])
+        except sqlite3.Error as error:
+            raise StoreUnavailableError(f"the database cannot be copied: {error}") from error

@@ -16,6 +16,7 @@ from app.store.data_folder import Turns, private_folder, private_opener
 from app.store.database import SERVER_CONNECTIONS, Database, migrate
 from app.store.errors import StoreUnavailableError, disk_errors
 
+DATABASE_NAME = "roboprompt.db"
 # An upload commits its row within seconds of putting its blobs.
 SWEEP_GRACE = timedelta(hours=1)
 
@@ -63,7 +64,7 @@ class Store:
             SchemaVersionError: if the database was written by newer code.
         """
         private_folder(data_dir)
-        url = database_url or f"sqlite:///{data_dir / 'roboprompt.db'}"
+        url = database_url or f"sqlite:///{data_dir / DATABASE_NAME}"
         database = Database(url, server_connections=server_connections)
         try:
             migrate(database)
@@ -77,6 +78,10 @@ class Store:
 
     def write(self) -> AbstractContextManager[Connection]:
         return self._database.write()
+
+    def copy_database(self, path: Path) -> None:
+        """Write the database of one moment to a new file; raises as `Database.copy`."""
+        self._database.copy(path)
 
     def ping(self) -> None:
         with self.read() as connection:
