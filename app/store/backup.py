@@ -1,7 +1,7 @@
 """Backup of a SQLite store into one tar file: a data folder of one moment, which `tar -xf FILE -C FOLDER` unpacks.
 
-It holds `roboprompt.db`, copied by `VACUUM INTO`, and `blobs/` with every blob that a row refers to. The service goes on
-meanwhile.
+It holds `roboprompt.db`, copied by `VACUUM INTO`, and `blobs/` with every blob that a row refers to. The service
+goes on meanwhile.
 """
 
 import tarfile
