@@ -1,8 +1,6 @@
 """Administration of the store: `roboprompt keys add | list | revoke`, `backup`."""
 
-import json
 import re
-from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated
