@@ -30,7 +30,7 @@ from app.llm.base import (
     TextDelta,
     Usage,
 )
-from app.llm.streaming import StopStrings
+from app.llm.streaming import AnswerText
 
 SCRIPTED = ModelProfile(
     name="scripted", style="chat", grammar=False, representation="absolute", description="Replies given texts in turn"
@@ -91,8 +91,8 @@ class ComputedModel:
 
 def _cut(reply: str, request: CompletionRequest) -> tuple[list[str], Completion]:
     """Return a reply's words and the reply as a whole, up to a stop string and to `max_tokens`."""
-    stops = StopStrings(request.prompt.stop)
-    said = _WORD.findall(stops.feed(reply) + stops.flush())
+    answer = AnswerText(request.prompt.stop, may_reason=True)
+    said = _WORD.findall(answer.feed(reply) + answer.finish())
     words = said[: request.max_tokens]
     num_prompt_tokens = len(f"{request.prompt.system} {request.prompt.user}".split())
     usage = Usage(num_prompt_tokens, 0, len(words))

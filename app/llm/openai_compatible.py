@@ -34,6 +34,8 @@ class ServerQuirks:
         schema: the chat endpoint holds replies to a JSON Schema in `response_format`, also to one of a bare list.
         extra: further fields of every request.
         openai: the server has OpenAI's own models, which have quirks of their own.
+        reasons_apart: a reply never contains reasoning. Of other servers' chat models none of the reply is certain
+            before its end, and no stop string is sent: it would end the reasoning.
     """
 
     max_tokens_field: str = "max_tokens"
@@ -43,11 +45,14 @@ class ServerQuirks:
     schema: bool = False
     extra: tuple[tuple[str, Any], ...] = ()
     openai: bool = False
+    reasons_apart: bool = False
 
 
 # `cache_prompt` keeps the prompt. llama.cpp notices that the client has gone when it sends something, with
 # `return_progress` also while it reads the prompt. (llama.cpp, tools/server/README.md)
 LLAMA_CPP = ServerQuirks(grammar_path=("grammar",), extra=(("cache_prompt", True), ("return_progress", True)))
+# The service's own: a prompt's grammar holds from the first token on, which leaves no room for reasoning.
+OWN_LLAMA_CPP = replace(LLAMA_CPP, reasons_apart=True)
 # "Structured Outputs" of vLLM's documentation, since 0.12; its default backend xgrammar reads GBNF.
 VLLM = ServerQuirks(grammar_path=("structured_outputs", "grammar"))
 # "Structured Outputs" of SGLang's documentation: xgrammar, "currently uses the GGML BNF format".
@@ -65,7 +70,9 @@ SERVERS: Mapping[CompatibleServer, ServerQuirks] = {
 }
 # by the host of the base URL
 HOSTS: Mapping[str, ServerQuirks] = {
-    "api.openai.com": ServerQuirks("max_completion_tokens", cache_key_field="prompt_cache_key", openai=True),
+    "api.openai.com": ServerQuirks(
+        "max_completion_tokens", cache_key_field="prompt_cache_key", openai=True, reasons_apart=True
+    ),
     "openrouter.ai": ServerQuirks(prefix_mark=("cache_control", {"type": "ephemeral"})),
 }
 # From GPT-5.6 on, OpenAI caches up to the end of the last message, which differs from query to query, unless the
@@ -137,7 +144,7 @@ def request_body(request: CompletionRequest, model: str, style: Style, quirks: S
         body["messages"] = [*system, {"role": "user", "content": _user_content(request, quirks)}]
     else:
         body["prompt"] = f"{prompt.system}\n{prompt.user}" if prompt.system else prompt.user
-    if prompt.stop:
+    if prompt.stop and not _may_reason(style, quirks):
         body["stop"] = list(prompt.stop)
     if quirks.cache_key_field and request.cache_key:
         body[quirks.cache_key_field] = request.cache_key
@@ -147,6 +154,10 @@ def request_body(request: CompletionRequest, model: str, style: Style, quirks: S
         schema = {"name": "actions", "schema": dict(prompt.schema)}
         body["response_format"] = {"type": "json_schema", "json_schema": schema}
     return {name: value for name, value in body.items() if not (thinks and name in REFUSED_BY_REASONING_MODELS)}
+
+
+def _may_reason(style: Style, quirks: ServerQuirks) -> bool:
+    return style == "chat" and not quirks.reasons_apart
 
 
 def _version(model: str) -> tuple[int, int]:
@@ -205,4 +216,5 @@ class OpenAiCompatibleModel(SseModel):
         path = "chat/completions" if profile.style == "chat" else "completions"
         headers = {"Authorization": f"Bearer {server.key}"} if server.key else {}
         write = partial(request_body, model=model, style=profile.style, quirks=quirks)
-        super().__init__(profile, server, path, headers, write, lambda: parse_event)
+        may_reason = _may_reason(profile.style, quirks)
+        super().__init__(profile, server, path, headers, write, lambda: parse_event, may_reason=may_reason)

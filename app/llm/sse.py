@@ -73,6 +73,7 @@ class SseModel:
         headers: of every request; they carry the key.
         write: a request's JSON body.
         parser: makes what reads the events of one reply.
+        may_reason: as for `AnswerText`.
     """
 
     def __init__(
@@ -83,6 +84,8 @@ class SseModel:
         headers: Mapping[str, str],
         write: Callable[[CompletionRequest], dict[str, Any]],
         parser: Callable[[], Parse],
+        *,
+        may_reason: bool = False,
     ) -> None:
         self.profile = profile
         self._server = server
@@ -90,13 +93,14 @@ class SseModel:
         self._headers = headers
         self._write = write
         self._parser = parser
+        self._may_reason = may_reason
         self._num_kept = KEPT_CONNECTIONS.get(self._url.partition(":")[0], 0)
         self._client: httpx.AsyncClient | None = None
         self._closed = False
         self._where = f"{profile.name} ({_without_password(self._url)})"
 
     def stream(self, request: CompletionRequest) -> Pieces:
-        return assembled(self._chunks(request), request.prompt.stop, self.profile.name)
+        return assembled(self._chunks(request), request.prompt.stop, self.profile.name, may_reason=self._may_reason)
 
     async def aclose(self) -> None:
         """Close the connections; later requests are an error."""

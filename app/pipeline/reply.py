@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
+from app.pipeline.reasoning import DELIMITER
 from app.pipeline.representation.base import Codec
 from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.motion.limits import USUAL_ACTIONS
@@ -63,6 +64,8 @@ class ReplyReader:
         """The actions of rows that were not read before."""
         if len(text) > MAX_REPLY_CHARS:
             raise ReplyParseError(f"the reply is longer than {MAX_REPLY_CHARS} characters", text)
+        if delimiter := DELIMITER.search(text):
+            raise ReplyParseError(f"the reply contains reasoning ({delimiter.group()})", text)
         known = len(self._rows)
         try:
             rows = self._codec.rows(text, complete)

@@ -19,7 +19,7 @@ from app.llm.base import (
     complete,
 )
 from app.llm.computed import ScriptedModel, nearest, regression
-from app.llm.openai_compatible import LLAMA_CPP, SERVERS, OpenAiCompatibleModel
+from app.llm.openai_compatible import OWN_LLAMA_CPP, SERVERS, OpenAiCompatibleModel
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation.absolute import Column, list_schema
 from tests.llm.texts import ENDLESS, REPLY, absolute_prompt, as_asked, asking, object_frame_prompt
@@ -31,7 +31,8 @@ LLMS = ("embedded", "completion", "chat")
 def models(gemma, llama_server, run):
     profiles = {style: ModelProfile(style, style, grammar=True, representation="object_frame") for style in LLMS[1:]}
     made = {
-        style: OpenAiCompatibleModel(profile, llama_server, "gemma", LLAMA_CPP) for style, profile in profiles.items()
+        style: OpenAiCompatibleModel(profile, llama_server, "gemma", OWN_LLAMA_CPP)
+        for style, profile in profiles.items()
     }
     made |= {
         "embedded": gemma,

@@ -64,7 +64,6 @@ def test_chat_sends_messages_and_reads_deltas():
         "max_tokens": 7,
         "temperature": 0.0,
         "seed": 3,
-        "stop": ["\n"],
         "stream": True,
         "stream_options": {"include_usage": True},
     }

@@ -7,7 +7,7 @@ from app.pipeline.prompt import Prompt
 from tests.llm.texts import asking
 
 PROMPT = Prompt("Be brief.", "a>1, ", "b>", stop=("\n",), grammar='root ::= "1"')
-COMMON = {"model", "temperature", "seed", "stream", "stream_options", "messages", "stop", "max_tokens"}
+COMMON = {"model", "temperature", "seed", "stream", "stream_options", "messages", "max_tokens"}
 
 
 def chat_body(model="little", prompt=PROMPT, quirks=None, **options):
@@ -18,12 +18,19 @@ def test_only_the_common_fields_are_sent_to_a_server_without_quirks():
     assert set(chat_body(cache_key="task-1")) == COMMON
 
 
+@pytest.mark.parametrize("server", SERVERS)
+def test_a_server_whose_chat_model_may_reason_gets_no_stop_string(server):
+    """It would end the reasoning, and what the model considered would be left."""
+    assert "stop" not in request_body(asking(PROMPT), "little", "chat", SERVERS[server])
+    assert request_body(asking(PROMPT), "little", "completion", SERVERS[server])["stop"] == ["\n"]
+
+
 def test_openai_calls_the_limit_differently_and_routes_by_prefix():
     quirks = quirks_of("https://api.openai.com/v1")
     body = chat_body("gpt-4o", quirks=quirks, cache_key="task-1", max_tokens=9)
     assert body["max_completion_tokens"] == 9
     assert body["prompt_cache_key"] == "task-1"
-    assert set(body) == COMMON - {"max_tokens"} | {"max_completion_tokens", "prompt_cache_key"}
+    assert set(body) == COMMON - {"max_tokens"} | {"stop", "max_completion_tokens", "prompt_cache_key"}
     assert "prompt_cache_key" not in chat_body("gpt-4o", quirks=quirks)
 
 

@@ -17,7 +17,8 @@ LIST = "[[46, 74, 55, 54, 36, 37, 1], [46, 74, 60, 0, 36, 71, 0]]"
 LINE = "1 A w: +0 +0 +20 0 36 36 1; 2 A o: -10 +2 +40 71 36 0 0"
 REPLIES = [  # with the number of actions that are known before the reply is complete
     (ABSOLUTE, LIST, 2),
-    (ABSOLUTE, f"Sure!\n```json\n{LIST}\n```", 2),
+    (ABSOLUTE, f"```json\n{LIST}\n```", 2),
+    (ABSOLUTE, f"Sure!\n```json\n{LIST}\n```", 0),
     (ABSOLUTE, LIST.replace(" ", "\n  ").replace("[[", "[\n[") + " as shown [above].", 2),
     (ABSOLUTE, "The action is [46, 74, 55, 54, 36, 37, 1].", 0),
     (OBJECT_FRAME, LINE, 1),
@@ -95,6 +96,15 @@ def test_a_complete_reply_that_contradicts_what_was_handed_out_is_refused(comple
     with pytest.raises(ReplyParseError, match="contradicts") as caught:
         reader.finish(complete)
     assert caught.value.reply_text == complete
+
+
+@pytest.mark.parametrize("opened", ["<think>", "[THINK]", ""])
+def test_what_a_model_only_considered_is_no_action(opened):
+    text = f"{opened}{LIST}</think>"
+    with pytest.raises(ReplyParseError, match="contains reasoning"):
+        ReplyReader(ABSOLUTE, Query(LIFT, (CUP,))).finish(text)
+    with pytest.raises(ReplyParseError, match="contains reasoning"):
+        fed(ABSOLUTE, list(text)[: len(opened) or None])
 
 
 def test_early_actions_do_not_excuse_a_reply_that_is_refused_as_a_whole():

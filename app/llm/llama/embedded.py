@@ -19,7 +19,7 @@ from app.llm.base import CompletionRequest, LanguageModelError, ModelProfile, Mo
 from app.llm.llama.process import LlamaOptions, LlamaProcess, SharedLlama
 from app.llm.llama.weights import Weights
 from app.llm.llm_settings import LlmSettings
-from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
+from app.llm.openai_compatible import OWN_LLAMA_CPP, OpenAiCompatibleModel
 
 DYING_S = 1.0  # frees some hundred MB
 # Reading ten demonstrations takes as long on two cores; another slot that knows them hardly speeds replies up there.
@@ -85,7 +85,7 @@ class EmbeddedModel:
             kept_folder=str(self._settings.embedded_kept_folder or ""),
         )
         process = await asyncio.to_thread(_launch, options, self._settings.embedded_shared_folder)
-        client = OpenAiCompatibleModel(self.profile, process.server, self.profile.name, LLAMA_CPP)
+        client = OpenAiCompatibleModel(self.profile, process.server, self.profile.name, OWN_LLAMA_CPP)
         return _Running(process, client)
 
 

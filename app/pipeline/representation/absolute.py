@@ -23,7 +23,7 @@ from app.pipeline.workspace import (
 from roboprompt_client.types.poses import EndEffectorAction
 
 _FENCED = re.compile(r"```(?:json)?\s*(.*?)```", re.DOTALL)
-_LIST_START = re.compile(r"\[\s*(?=\[)")
+_LIST_START = re.compile(r"\s*(?:```(?:json)?\s*)?\[\s*(?=\[)")
 _NEXT_ROW = re.compile(r"[\s,]*(\[[^\[\]{}]*\])")
 _ACTION_LIST = re.compile(r"\[\s*[-+\d\[]")
 
@@ -70,8 +70,11 @@ def _integer(value: object, index: int, column: Column, row: str) -> int:
 
 
 def _complete_rows(reply_text: str) -> Iterator[str]:
-    """The rows that are closed in the first list of lists of a reply that still arrives."""
-    match = _LIST_START.search(reply_text)
+    """The rows that are closed in the list that begins a reply that still arrives.
+
+    A list after other words may be a draft: only the whole reply shows whether it is the one list.
+    """
+    match = _LIST_START.match(reply_text)
     while match and (match := _NEXT_ROW.match(reply_text, match.end())):
         yield match.group(1)
 

@@ -34,7 +34,7 @@ from roboprompt_client.types.poses import EndEffectorAction
 NO_TURN = ROTATION_BINS // 2  # the bin of an angle of 0
 _ROW = re.compile(r"[^\];]+\]")
 _WHOLE_ROW = r"[^\[\];]+: \[[^\[\]]*\]"
-_REPLY = re.compile(rf"[^\n]*\[{_WHOLE_ROW}(?:; {_WHOLE_ROW})*\]\s*")
+_REPLY = re.compile(rf"[^\n\[]*\[{_WHOLE_ROW}(?:; {_WHOLE_ROW})*\]\s*")
 _ADDENDS = re.compile(r"\d+[+-]\d+=")
 _GRIPPER = re.compile(r"(?:^|\[)\d+ (open|closed) ")
 _RULES = """gripper ::= "open " | "closed "
