@@ -2,6 +2,7 @@
 
 import asyncio
 import itertools
+import json
 import threading
 import time
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from statistics import median
 from typing import Any
 
 import httpx
+from httpx_sse import connect_sse
 
 from app.evaluation.server import service
 from app.evaluation.tables import TextTable
@@ -18,8 +20,8 @@ from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.pipeline.prompt import Prompt
 from benchmarks import scenes
-from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
+from roboprompt_client.encoding import scene_json
 
 NUM_DEMONSTRATIONS = 10
 NUM_PROMPTS = 4  # as many as the embedded model keeps slots
@@ -103,10 +105,15 @@ def _streaming(client: RoboPromptClient) -> Iterator[str]:
     runs: list[tuple[int, float, float]] = []
     for seed in range(91_000, 91_005):
         started_s, first_s = time.perf_counter(), 0.0
-        for item in client.stream("task_0", scenes.INSTRUCTION, scenes.observation(seed), timeout_s=TIMEOUT_S):
-            first_s = first_s or time.perf_counter() - started_s
-            if isinstance(item, PredictedActions):
-                runs.append((len(item.actions), first_s, time.perf_counter() - started_s))
+        document = {"task": "task_0", "instruction": scenes.INSTRUCTION, **scene_json(scenes.observation(seed))}
+        with (
+            httpx.Client(base_url=client.url, timeout=TIMEOUT_S) as http,
+            connect_sse(http, "POST", "/predict", json={**document, "timeout_s": TIMEOUT_S}) as source,
+        ):
+            for event in source.iter_sse():
+                first_s = first_s or (time.perf_counter() - started_s if event.event == "action" else 0.0)
+                if event.event == "done":
+                    runs.append((len(json.loads(event.data)["actions"]), first_s, time.perf_counter() - started_s))
     num_actions, first_s, whole_s = (median(column) for column in zip(*runs, strict=True))
     yield "## Streaming"
     yield (

@@ -3,7 +3,7 @@
     with RoboPromptClient("http://127.0.0.1:8000") as client:
         run_task(client, my_robot, "open_drawer", "open the bottom drawer")
 
-Needs numpy, httpx and httpx-sse. Meters, radians, seconds; poses in the world frame; quaternions x y z w.
+Needs numpy and httpx. Meters, radians, seconds; poses in the world frame; quaternions x y z w.
 
 - What the service is asked and what it answers: `client`, `answers`.
 - What a run does between `observe` and `execute`: `runs.loop`. Where a limit of motion is checked: `motion.guard`.
@@ -12,7 +12,6 @@ Needs numpy, httpx and httpx-sse. Meters, radians, seconds; poses in the world f
 
 from roboprompt_client.answers import Outcome, PlannedStep, PredictedActions
 from roboprompt_client.arms.driver import ArmState
-from roboprompt_client.async_client import AsyncRoboPromptClient
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import (
     DangerError,
@@ -40,7 +39,6 @@ from roboprompt_client.types.trajectory import Trajectory
 
 __all__ = [
     "ArmState",
-    "AsyncRoboPromptClient",
     "Box",
     "Camera",
     "DangerError",

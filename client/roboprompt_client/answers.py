@@ -1,31 +1,24 @@
-"""The service's answer to a prediction: actions, findings, events; and what a finding of severity `danger` stops."""
+"""The service's answer to a prediction: actions and findings; and what a finding of severity `danger` stops."""
 
 import logging
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, get_args
-
-import httpx
-from httpx_sse import ServerSentEvent
+from typing import Any, Literal, NamedTuple
 
 from roboprompt_client.errors import (
     DangerError,
     InvalidAnswerError,
     InvalidInputError,
     NotConfirmedError,
-    ServiceProblemError,
 )
-from roboprompt_client.http import event_document
 from roboprompt_client.motion.guard import action_from_json
 from roboprompt_client.runs.reanchoring import ActionAnchor, anchor_from_json
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, object_from_json
 from roboprompt_client.types.severity import SEVERITIES
 
 Finding = Mapping[str, Any]
-OnFindings = Callable[[Sequence[Finding]], None]
 Confirm = Callable[[int, EndEffectorAction], bool]
-OnDanger = Literal["confirm", "refuse", "go"]
+OnDanger = Literal["refuse", "go"] | Callable[[str], bool]
 SYMMETRY_SHOWN = "symmetry-shown"
 log = logging.getLogger(__name__)
 
@@ -88,38 +81,6 @@ class PredictedActions:
         return cls(answer["id"], actions, answer, anchors)
 
 
-class StreamReader:
-    """Reads the events of a streamed prediction one after the other.
-
-    Args:
-        on_findings: called with the findings that come before the first action.
-    """
-
-    def __init__(self, on_findings: OnFindings | None) -> None:
-        self._on_findings, self._index = on_findings, 0
-
-    def read(self, event: ServerSentEvent, response: httpx.Response) -> EndEffectorAction | PredictedActions | None:
-        """Return an action, the whole answer (which comes last), or None for other events.
-
-        Raises:
-            ServiceProblemError: for an event `error`.
-            ServiceUnreachableError, InvalidAnswerError, UnsafeActionError: for malformed data, findings or actions.
-        """
-        if not event.data:  # an event without data is none (HTML standard, 9.2.6)
-            return None
-        name, document = event.event, event_document(event, response)
-        if name == "findings" and self._on_findings is not None:
-            self._on_findings(findings_in(document))
-        if name == "action":
-            self._index += 1
-            return action_from_json(self._index - 1, document)
-        if name == "done":
-            return PredictedActions.from_json(document)
-        if name == "error":
-            raise ServiceProblemError(document.get("status", 502), document)
-        return None
-
-
 def planned_steps(answer: Mapping[str, Any]) -> tuple[PlannedStep, ...]:
     """Return the steps of the answer of `POST /plans`."""
     return tuple(PlannedStep(step["task"], step["instruction"]) for step in answer["steps"])
@@ -143,43 +104,29 @@ def findings_in(answer: Mapping[str, Any]) -> tuple[Finding, ...]:
     return tuple(findings)
 
 
-def checked_on_danger(on_danger: OnDanger | None, confirm: Confirm | None) -> OnDanger:
-    """Return the setting; None becomes "confirm" where there is a `confirm` to ask, else "refuse".
-
-    Raises:
-        InvalidInputError: for an unknown setting, or "confirm" without a `confirm` to ask.
-    """
-    if on_danger is None:
-        return "refuse" if confirm is None else "confirm"
-    if on_danger not in get_args(OnDanger):
-        raise InvalidInputError("on_danger", f"is {on_danger!r:.40}", ", ".join(get_args(OnDanger)))
-    if on_danger == "confirm" and confirm is None:
-        raise InvalidInputError("on_danger", "is 'confirm', but there is no `confirm` to ask", "refuse, go")
+def checked_on_danger(on_danger: OnDanger) -> OnDanger:
+    """Return the setting; raises InvalidInputError for an unknown one."""
+    if on_danger not in ("refuse", "go") and not callable(on_danger):
+        raise InvalidInputError("on_danger", f"is {on_danger!r:.40}", "refuse, go, or a function of the message")
     return on_danger
 
 
-def require_allowed(
-    findings: Sequence[Finding], actions: Sequence[EndEffectorAction], on_danger: OnDanger, confirm: Confirm | None
-) -> None:
-    """Return if no finding is a danger or each is allowed, else raise.
-
-    Every danger is logged as a warning. `confirm` is asked once for each, with the action that the finding names, else
-    with the first action.
+def require_allowed(findings: Sequence[Finding], on_danger: OnDanger) -> None:
+    """Return if no finding is a danger or each is allowed; every danger is logged as a warning.
 
     Args:
         findings: as `findings_in` returns them.
 
     Raises:
         DangerError: if `on_danger` is "refuse".
-        NotConfirmedError: if `confirm` returned False.
+        NotConfirmedError: if it is a function that returned False for a danger's message; each is asked about once.
     """
-    dangers = [finding for finding in findings if finding["severity"] == "danger"]
-    for finding in dangers if actions else ():
+    for finding in findings:
+        if finding["severity"] != "danger":
+            continue
         message = str(finding.get("message", finding.get("code", "")))
         log.warning("danger: %s", message)
         if on_danger == "refuse":
             raise DangerError(f"the prediction is dangerous: {message}")
-        named = re.fullmatch(r"actions\[(\d+)\].*", str(finding.get("where", "")))
-        index = min(int(named[1]), len(actions) - 1) if named else 0  # a finding about the scene names no action
-        if on_danger == "confirm" and confirm is not None and not confirm(index, actions[index]):
-            raise NotConfirmedError(f"action {index + 1} was not allowed: {message}")
+        if callable(on_danger) and not on_danger(message):
+            raise NotConfirmedError(f"the danger was not allowed: {message}")

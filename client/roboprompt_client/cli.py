@@ -7,9 +7,9 @@ import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from roboprompt_client.answers import OnDanger, PlannedStep
+from roboprompt_client.answers import PlannedStep
 from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.commands.calibrate import add_calibrate
@@ -111,14 +111,14 @@ def _add_run(run: ArgumentParser) -> None:
     _add_task(run, required=False)
     add_find(run)
     run.add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
-    run.add_argument("--confirm", action="store_true", help="show the plan, and ask before each motion (recommended)")
+    asks = run.add_mutually_exclusive_group()
+    asks.add_argument("--confirm", action="store_true", help="ask before each motion (default: before the first)")
+    asks.add_argument(
+        "--yes", action="store_true", help="do not ask before motions; a danger is asked about all the same"
+    )
     run.add_argument("--limits", type=Path, metavar="FILE", help=LIMITS)
-    how = run.add_mutually_exclusive_group()
-    how.add_argument("--stream", action="store_true", help="start to move while the LLM still writes")
     what = "observe again before contact, and follow objects that were moved without asking the LLM again"
-    how.add_argument("--look-again", action="store_true", help=what)
-    what = "if the service finds its answer dangerous (default: confirm with --confirm, else refuse)"
-    run.add_argument("--on-danger", choices=get_args(OnDanger), help=what)
+    run.add_argument("--look-again", action="store_true", help=what)
 
 
 def _upload(client: RoboPromptClient, arguments: Namespace) -> int:
@@ -146,11 +146,9 @@ def _seen(client: RoboPromptClient, arguments: Namespace) -> Observation:
 
 
 def _run(client: RoboPromptClient, arguments: Namespace) -> int:
-    if arguments.on_danger == "confirm" and not arguments.confirm:
-        raise InvalidInputError("--on-danger", "is confirm, but no one is asked", "refuse, go, or --confirm beside it")
     client.ping()
     pinned = _pinned(arguments)
-    with asking_robot(arguments.robot, asks=arguments.confirm) as robot:
+    with asking_robot(arguments.robot, asks=not arguments.yes) as robot:
         return _run_with(client, robot, pinned, arguments)
 
 
@@ -162,10 +160,10 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | Non
     what = (client, robot, arguments.task, arguments.instruction)
     # A termination leaves through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    how: dict[str, Any] = {"pinned": pinned, "on_danger": arguments.on_danger}
-    if arguments.confirm:
-        how |= {"confirm": person.confirm, "preview": person.preview}
-    how |= {"stream": arguments.stream, "look_again": arguments.look_again}
+    how: dict[str, Any] = {"pinned": pinned, "look_again": arguments.look_again}
+    how |= {"on_danger": person.allow_danger, "preview": person.preview}
+    if not arguments.yes:
+        how["confirm"] = person.confirm if arguments.confirm else person.confirm_plan
     if arguments.task is not None:
         predicted = run_task(*what, on_outcome=person.outcome, **how)
         _print_json(predicted.response)
@@ -177,9 +175,9 @@ def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | Non
     def confirm_steps(steps: Sequence[PlannedStep]) -> bool:
         for task in dict.fromkeys(step.task for step in steps):
             require_same_base(robot, task, task_document(client, task))
-        return not arguments.confirm or person.confirm_steps(steps)
+        return arguments.yes or person.confirm_steps(steps)
 
-    on_outcome = person.outcome if arguments.confirm else None
+    on_outcome = None if arguments.yes else person.outcome
     steps = run_plan(client, robot, arguments.instruction, confirm_steps=confirm_steps, on_outcome=on_outcome, **how)
     return _print_json({"steps": [step.response for step in steps]})
 

@@ -1,28 +1,25 @@
 """The client of the service: each method sends a request and returns what it reads from the answer."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 from uuid import uuid4
 
 import httpx
-from httpx_sse import EventSource
 
-from roboprompt_client.answers import OnFindings, PlannedStep, PredictedActions, StreamReader, planned_steps
+from roboprompt_client.answers import PlannedStep, PredictedActions, planned_steps
 from roboprompt_client.encoding import Part, episode_parts, posted, prediction_request
-from roboprompt_client.errors import ServiceUnreachableError
 from roboprompt_client.http import Request, ask, http_options, read_ping, require_success
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.film import Film
-from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, object_from_json, object_json
+from roboprompt_client.types.poses import ObjectPose, object_from_json, object_json
 from roboprompt_client.types.trajectory import Trajectory
 
 Answer = TypeVar("Answer")
 OfKind = TypeVar("OfKind", bound="RoboPromptClient")
 DEFAULT_URL = os.environ.get("ROBOPROMPT_URL") or "http://127.0.0.1:8000"
-CUT_OFF = "POST /predict: the stream ended before it was complete"
 CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
 
 
@@ -255,37 +252,3 @@ class RoboPromptClient:
             ServiceProblemError: also if the labels are too few or disagree.
         """
         return self.post(f"/tasks/{task}/labels/learn", {"object": name, "symmetric": symmetric})
-
-    def stream(
-        self,
-        task: str,
-        instruction: str,
-        observation: Observation,
-        *,
-        on_findings: OnFindings | None = None,
-        **options: Any,  # noqa: ANN401
-    ) -> Iterator[EndEffectorAction | PredictedActions]:
-        """Yield each action as soon as the LLM has written it, then the whole answer.
-
-        Args:
-            on_findings: called before the first action, with the findings that the service has by then.
-            options: as of `predict`.
-
-        Raises:
-            RoboPromptError: as `predict`; also after some actions, if the rest of the reply is missing.
-            InvalidAnswerError: with `on_findings`, if the findings are not well formed.
-        """
-        reader = StreamReader(on_findings)
-        request = prediction_request(task, instruction, observation, **options)
-        with (
-            request.transport_errors(self._http.base_url),
-            self._http.stream(request.method, request.path, **request.streamed) as response,
-        ):
-            if response.is_error:
-                response.read()
-            for event in EventSource(require_success(response)).iter_sse():
-                if (item := reader.read(event, response)) is not None:
-                    yield item
-                if isinstance(item, PredictedActions):
-                    return
-        raise ServiceUnreachableError(CUT_OFF)

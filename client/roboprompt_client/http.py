@@ -11,7 +11,6 @@ from typing import Any, Generic, TypeVar
 from urllib.parse import urlsplit
 
 import httpx
-from httpx_sse import ServerSentEvent
 
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
 
@@ -19,7 +18,6 @@ Answer = TypeVar("Answer")
 Other = TypeVar("Other")
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 MAX_PORT = 65535
-EVENT_STREAM = "text/event-stream"
 DEFAULT_TIMEOUT_S = 60.0
 KEEPALIVE_S = 2.0  # idle connections; the service closes them after 5 s, and a request sent at that moment is lost
 MAX_DETAIL_CHARS = 500  # of an error page that is not a problem document
@@ -96,17 +94,12 @@ class Request(Generic[Answer]):
         """Return the same request whose answer is then read by `read`, too."""
         return Request(self.method, self.path, self.arguments, lambda response: read(self.read(response)))
 
-    @property
-    def streamed(self) -> dict[str, Any]:
-        """The arguments with which the answer comes as server-sent events."""
-        return {**self.arguments, "headers": {**self.arguments.get("headers", {}), "Accept": EVENT_STREAM}}
-
     @contextmanager
     def transport_errors(self, base_url: httpx.URL) -> Iterator[None]:
         """Raise ServiceUnreachableError, naming the request, if it is not answered."""
         try:
             yield
-        except httpx.TransportError as error:  # also httpx-sse's SSEError
+        except httpx.TransportError as error:
             address = f"{str(base_url).rstrip('/')}/{self.path.lstrip('/')}"
             what = f"{self.method} {address}: {error or type(error).__name__}"
             if isinstance(error, httpx.ConnectError):
@@ -137,20 +130,11 @@ def document_in(response: httpx.Response) -> dict[str, Any]:
     return document
 
 
-def event_document(event: ServerSentEvent, response: httpx.Response) -> dict[str, Any]:
-    """Return the JSON object of an event; raises ServiceUnreachableError for other data."""
-    document = _json(event.data)
-    if not isinstance(document, dict):
-        what = f"the data of the event {event.event!r:.40} are not a JSON object: {event.data!r:.80}"
-        raise ServiceUnreachableError(f"{_asked(response)}: {what}")
-    return document
-
-
 def _asked(response: httpx.Response) -> str:
     return f"{response.request.method} {response.url.copy_with(query=None)}"
 
 
-def _json(data: str | bytes) -> object:
+def _json(data: bytes) -> object:
     """Return the decoded JSON, or None if it is not JSON."""
     try:
         return json.loads(data)

@@ -5,7 +5,7 @@ import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import settle
@@ -97,6 +97,15 @@ class Robot(Protocol):
 
     def stop(self) -> None:
         """Stop the arm where it is; safe to call at any time and from any thread."""
+        ...
+
+
+@runtime_checkable
+class ChecksPlans(Protocol):
+    """A robot that knows before it moves what is out of its reach."""
+
+    def check_plan(self, actions: Sequence[EndEffectorAction]) -> None:
+        """Raise MotionError, naming the action, if one of a plan's actions cannot be reached."""
         ...
 
 

@@ -8,7 +8,6 @@ from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.runs.loop import run_task
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 ACTIONS = tuple(EndEffectorAction(np.array([0.1, 0.2, z]), np.array([1.0, 0, 0, 0]), True) for z in (1.0, 0.9, 0.8))
@@ -48,24 +47,8 @@ class Service:
             raise self._outcome
         return self._outcome
 
-    def stream(self, task, instruction, observation, on_findings, **options):
-        on_findings(self._outcome.findings)
-        yield from self._outcome.actions
-        yield self._outcome
-
 
 ANSWER = PredictedActions("p", ACTIONS, {"findings": []})
-
-
-def whole(*what, **how):
-    return run_task(*what, **how)
-
-
-def streamed(*what, **how):
-    return run_task(*what, stream=True, **how)
-
-
-WAYS = (whole, streamed)
 
 
 def client_of(answer):

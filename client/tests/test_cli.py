@@ -38,7 +38,7 @@ class Service:
     """A service that has one prediction, and records what it is sent."""
 
     def __init__(self):
-        self.urls, self.outcomes, self.down = [], [], False
+        self.urls, self.outcomes, self.down, self.findings = [], [], False, []
 
     def __call__(self, request):
         path = request.url.path
@@ -50,7 +50,7 @@ class Service:
             steps = [{"task": "pick", "instruction": "pick up the cube"}] * 2
             return httpx.Response(200, json={"steps": steps})
         if path == "/predict":
-            return httpx.Response(200, json={"id": "p1", "actions": [ACTION], "findings": []})
+            return httpx.Response(200, json={"id": "p1", "actions": [ACTION], "findings": self.findings})
         if self.down:
             raise httpx.ConnectError("refused")
         self.outcomes.append((path, json.loads(request.read())))
@@ -72,7 +72,7 @@ def service(monkeypatch, tmp_path):
     return service
 
 
-RUN = ("run", "--robot", "my_cell:make", "--task", "pick", "--instruction", "pick up the cube")
+RUN = ("run", "--robot", "my_cell:make", "--task", "pick", "--instruction", "pick up the cube", "--yes")
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ PLAN = ("run", "--robot", "my_cell:make", "--instruction", "pick up the cube twi
 
 
 def test_without_a_task_the_steps_of_the_instruction_are_carried_out(service, monkeypatch, capsys):
-    assert type_command(monkeypatch, *PLAN) == (0, [])
+    assert type_command(monkeypatch, *PLAN, "--yes") == (0, [])
     assert [step["id"] for step in json.loads(capsys.readouterr().out)["steps"]] == ["p1", "p1"]
 
 
@@ -135,9 +135,21 @@ def test_a_person_is_asked_about_the_plan_each_action_and_each_outcome(service, 
     assert [document["success"] for _, document in service.outcomes] == outcomes
 
 
-def test_a_run_that_was_stopped_asks_for_no_outcome(service, monkeypatch):
-    status, asked = type_command(monkeypatch, *RUN, "--confirm", answers=["no"])
-    assert (status, len(asked), service.outcomes) == (1, 1, [])
+@pytest.mark.parametrize(
+    ("option", "question"), [(["--confirm"], "action 1: to 0.100 0.200 0.900 m"), ([], "Carry out 1 action(s)?")]
+)
+def test_a_run_asks_before_its_first_motion(service, monkeypatch, option, question):
+    status, (asked,) = type_command(monkeypatch, *RUN[:-1], *option, answers=["no"])
+    assert (status, asked.startswith(question), service.outcomes) == (1, True, [])
+
+
+@pytest.mark.parametrize(("option", "others"), [([], ["y"]), (["--yes"], []), (["--confirm"], ["y"])])
+def test_a_danger_is_asked_about_as_such_once_and_yes_does_not_answer_it(service, monkeypatch, option, others):
+    service.findings = [{"code": "object-tilted", "severity": "danger", "message": "The cube is tilted by 90 degrees."}]
+    danger = "DANGER: The cube is tilted by 90 degrees. Carry out anyway? [y/N] "
+    assert type_command(monkeypatch, *RUN[:-1], *option, answers=["n"]) == (1, [danger])
+    status, asked = type_command(monkeypatch, *RUN[:-1], *option, answers=["y", *others, "y"])
+    assert (status, asked[0], asked.count(danger), len(asked)) == (0, danger, 1, len(others) + 2)
 
 
 @pytest.mark.parametrize(

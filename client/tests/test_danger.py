@@ -1,14 +1,10 @@
 """Predictions that the service itself calls dangerous."""
 
-import json
-
-import httpx
 import pytest
-from arms import ACTIONS, WAYS, Arm, Service, client_of, streamed, whole
+from arms import ACTIONS, Arm, Service
 
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.errors import DangerError, InvalidAnswerError, InvalidInputError, NotConfirmedError
-from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.runs.loop import run_task
 
 
@@ -16,60 +12,47 @@ def finding(severity="danger", where="objects[cube]"):
     return {"code": "object-tilted", "severity": severity, "message": "cube is tilted by 90 degrees.", "where": where}
 
 
-def run(way, arm, *findings, **settings):
+def run(arm, *findings, **settings):
     service = Service(PredictedActions("p", ACTIONS, {"findings": list(findings)}))
-    return way(service, arm, "pick", "pick up the cube", **settings)
+    return run_task(service, arm, "pick", "pick up the cube", **settings)
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_a_danger_is_refused_without_a_person_to_ask(way):
+@pytest.mark.parametrize("settings", [{}, {"confirm": lambda index, action: True}])
+def test_a_danger_is_refused_without_an_answer_to_it(settings):
     arm = Arm()
     with pytest.raises(DangerError, match="cube is tilted by 90 degrees"):
-        run(way, arm, finding())
+        run(arm, finding(), **settings)
     assert (arm.heights, arm.stopped) == ([], 1)
 
 
-@pytest.mark.parametrize("way", [whole, streamed])
-def test_a_person_is_asked_before_anything_moves(way, caplog):
+def test_each_danger_is_asked_about_once_before_anything_moves(caplog):
     asked, arm = [], Arm()
-
-    def confirm(index, action):
-        asked.append((index, len(arm.heights)))
-        return True
-
-    run(way, arm, finding(), finding("warning"), confirm=confirm)
-    assert asked == [(0, 0), (0, 0), (1, 1), (2, 2)]
+    run(arm, finding(), finding("warning"), on_danger=lambda message: asked.append((message, len(arm.heights))) or True)
+    assert asked == [("cube is tilted by 90 degrees.", 0)]
+    assert len(arm.heights) == 3
     assert "cube is tilted by 90 degrees" in caplog.text
 
 
 def test_a_no_says_what_was_dangerous_and_moves_nothing():
     arm = Arm()
-    with pytest.raises(NotConfirmedError, match=r"action 2 was not allowed: cube is tilted"):
-        run(whole, arm, finding(where="actions[1].position"), confirm=lambda index, action: index != 1)
+    with pytest.raises(NotConfirmedError, match=r"the danger was not allowed: cube is tilted"):
+        run(arm, finding(), on_danger=lambda message: False, confirm=lambda index, action: pytest.fail("asked"))
     assert (arm.heights, arm.stopped) == ([], 1)
 
 
-@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize(
     ("findings", "settings"), [([finding("warning"), finding("info")], {}), ([finding()], {"on_danger": "go"})]
 )
-def test_other_findings_and_on_danger_go_let_it_pass(way, findings, settings):
+def test_other_findings_and_on_danger_go_let_it_pass(findings, settings):
     arm = Arm()
-    run(way, arm, *findings, **settings)
+    run(arm, *findings, **settings)
     assert len(arm.heights) == 3
 
 
-def test_a_danger_can_be_refused_although_somebody_is_there():
-    with pytest.raises(DangerError):
-        run(whole, Arm(), finding(), on_danger="refuse", confirm=lambda index, action: True)
-
-
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize(("setting", "said"), [("ask", "confirm, refuse, go"), ("confirm", "no `confirm` to ask")])
-def test_settings_that_cannot_be(way, setting, said):
+def test_a_setting_that_cannot_be():
     arm, service = Arm(), Service(PredictedActions("p", ACTIONS[:1], {"findings": []}))
-    with pytest.raises(InvalidInputError, match=said):
-        way(service, arm, "pick", "pick up the cube", on_danger=setting)
+    with pytest.raises(InvalidInputError, match="refuse, go, or a function"):
+        run_task(service, arm, "pick", "pick up the cube", on_danger="ask")
     assert (arm.heights, arm.stopped, service.asked) == ([], 1, 0)
 
 
@@ -85,39 +68,12 @@ MALFORMED = [
     ({"findings": [finding("DANGER")]}, "'severity': 'DANGER'"),
     ({"findings": [finding(["danger"])]}, r"'severity': \['danger'\]"),
 ]
-ACTION = {"position": [0.1, 0.2, 0.9], "quaternion_xyzw": [1, 0, 0, 0], "gripper_open": True}
-DONE = {"id": "p", "actions": [ACTION], "findings": []}
-
-
-def stream_of(*events):
-    """A client of a service that streams these events."""
-    body = "".join(f"event: {name}\ndata: {json.dumps(document)}\n\n" for name, document in events)
-    client = client_of(httpx.Response(200, text=body, headers={"content-type": "text/event-stream"}))
-    client.motion_limits = lambda task: MotionLimits()
-    return client
-
-
-def run_stream(arm, *events):
-    return run_task(stream_of(*events), arm, "pick", "pick it up", stream=True)
 
 
 @pytest.mark.parametrize(("response", "said"), MALFORMED)
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("on_danger", [None, "go"])
-def test_findings_that_are_not_well_formed_move_nothing(response, said, way, on_danger):
-    arm = Arm()
-    service = Service(PredictedActions("p", ACTIONS[:1], response))
-    if way is streamed:
-        service = stream_of(("findings", response), ("action", ACTION), ("done", DONE))
+@pytest.mark.parametrize("on_danger", ["refuse", "go"])
+def test_findings_that_are_not_well_formed_move_nothing(response, said, on_danger):
+    arm, service = Arm(), Service(PredictedActions("p", ACTIONS[:1], response))
     with pytest.raises(InvalidAnswerError, match=f"the service's answer: .*{said}.*a list of objects"):
-        way(service, arm, "pick", "pick it up", on_danger=on_danger)
+        run_task(service, arm, "pick", "pick it up", on_danger=on_danger)
     assert (arm.heights, arm.stopped) == ([], 1)
-
-
-def test_a_stream_does_not_move_before_it_has_said_what_it_found():
-    arm = Arm()
-    with pytest.raises(InvalidAnswerError, match="did not come before the first action"):
-        run_stream(arm, ("action", ACTION), ("findings", {"findings": []}), ("done", DONE))
-    assert (arm.heights, arm.stopped) == ([], 1)
-    run_stream(arm, ("findings", {"findings": []}), ("action", ACTION), ("done", DONE))
-    assert arm.heights == [0.9]

@@ -209,11 +209,6 @@ def test_actions_without_an_anchor_go_as_they_are():
     assert [shift == SHIFT.tolist() for shift in shifts(arm)] == [False, True, True, False, False, False]
 
 
-def test_not_while_streaming():
-    with pytest.raises(InvalidInputError, match="look_again: cannot be combined with stream"):
-        run(Arm(), stream=True)
-
-
 def frame():
     rgb = np.zeros((4, 4, 3), np.uint8)
     return RgbdFrame(Camera("front", 5, 5, 2, 2, np.eye(4)), rgb, np.ones((4, 4), np.float32), None)

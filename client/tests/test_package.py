@@ -8,7 +8,7 @@ import pytest
 
 import roboprompt_client
 
-DECLARED = {"numpy", "httpx", "httpx_sse"}
+DECLARED = {"numpy", "httpx"}
 OF_THESE = {"httpcore", "h11", "anyio", "certifi", "idna", "sniffio", "exceptiongroup", "typing_extensions"}
 
 

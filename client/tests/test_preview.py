@@ -2,14 +2,9 @@
 
 import numpy as np
 import pytest
-from arms import WAYS, Service
+from arms import Service
 
-from roboprompt_client import (
-    EndEffectorAction,
-    NotConfirmedError,
-    PredictedActions,
-    UnsafeActionError,
-)
+from roboprompt_client import EndEffectorAction, PredictedActions, RoboPromptError, UnsafeActionError, run_task
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import ArmState, Calibration
 from roboprompt_client.arms.geometry import nearest_limit
@@ -161,34 +156,48 @@ class Ready:
 BOX = Box((-0.05, -0.05, 0.8), (0.0, 0.05, 1.2))
 
 
-@pytest.mark.parametrize("run", WAYS)
-def test_a_plan_is_shown_before_it_is_refused_or_asked_about(run, capsys):
-    driver = Ready()
-    arm = Arm(driver, calibration=AT_BASE, limits=MotionLimits(hand_radius_m=0.0))
+def shown_to(driver, plan, limits=MotionLimits(), cell=NO_LIMITS):  # noqa: B008
+    """Run a plan with an arm at its ready pose; return the error."""
+    arm = Arm(driver, calibration=AT_BASE, limits=cell)
+    service = Service(PredictedActions("p", tuple(plan), {"findings": []}), limits)
+    with pytest.raises(RoboPromptError) as caught:
+        run_task(service, arm, "t", "go", preview=Person(arm).preview, confirm=lambda *_: pytest.fail("asked"))
+    assert driver.commands == ["halt"]
+    return caught.value
+
+
+def test_a_plan_is_shown_before_it_is_refused(capsys):
     limits = MotionLimits(Box((-1, -1, 0), (2, 1, 2)), keep_out=(BOX,), hand_radius_m=0.05)
-    service = Service(PredictedActions("p", (to(0.2, 0, 0.3),), {"findings": []}), limits)
-    shown = {"preview": Person(arm).preview, "confirm": lambda *_: pytest.fail("asked")}
-    with pytest.raises(UnsafeActionError):
-        run(service, arm, "t", "go", **shown)
+    assert isinstance(shown_to(Ready(), [to(0.2, 0, 0.3)], limits), UnsafeActionError)
     assert "! action 1: the way touches the box" in capsys.readouterr().err
-    assert driver.commands == ["halt"]
 
 
-@pytest.mark.parametrize("run", WAYS)
-def test_a_person_hears_what_is_wrong_before_saying_yes(run, capsys, monkeypatch):
-    asked = []
-    monkeypatch.setattr("builtins.input", lambda question: asked.append((question, capsys.readouterr().err)) or "no")
-    driver = Ready()
-    arm = Arm(driver, calibration=AT_BASE)
-    person = Person(arm)
-    service = Service(PredictedActions("p", (to(1.2, 0, 0.4), to(0.4, 0, 0.4)), {"findings": []}))
-    with pytest.raises(NotConfirmedError):
-        run(service, arm, "t", "go", preview=person.preview, confirm=person.confirm)
-    ((question, before),) = asked
-    assert question.startswith("action 1: to 0.900 0.000 1.150 m, gripper open")
-    assert before.splitlines()[0].startswith("action  position, m")
-    assert before.splitlines()[-1].startswith("! the pose is out of reach")
-    assert driver.commands == ["halt"]
+def test_a_plan_that_ends_out_of_reach_is_shown_and_not_begun(capsys):
+    error = shown_to(Ready(), [to(0.45, 0, 0.4), to(1.2, 0, 0.4)])
+    assert isinstance(error, MotionError)
+    assert str(error).startswith("action 2 of the plan: the pose is out of reach: 1.2")
+    assert capsys.readouterr().err.splitlines()[0].startswith("action  position, m")
+
+
+def test_a_plan_that_ends_beyond_the_cell_s_limits_is_not_begun():
+    cell = MotionLimits(Box((-1, -1, 0.8), (1, 1, 2)), hand_radius_m=0.0)
+    assert "action 1: position.z" in str(shown_to(Ready(), [to(0.45, 0, 0.4), to(0.45, 0, 0.0)], cell=cell))
+
+
+class Unknown(Ready):
+    """A driver that knows no geometry, but whether a pose can be reached."""
+
+    def geometry(self):
+        return None
+
+    def check(self, position_m, quaternion_xyzw):
+        if np.linalg.norm(position_m) > 0.8:
+            raise MotionError("the controller says no")
+
+
+def test_the_poses_of_a_plan_are_all_asked_of_a_driver_without_geometry():
+    error = shown_to(Unknown(), [to(0.45, 0, 0.4), to(0.9, 0, 0.4)])
+    assert str(error) == "action 2 of the plan: the controller says no; nothing was moved"
 
 
 def test_of_another_robot_nothing_is_known(capsys):

@@ -7,8 +7,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
 
 import httpx
+from httpx_sse import connect_sse
 
 from app.evaluation.server import WITHOUT_KEYS, free_port
+from roboprompt_client.encoding import scene_json
 from tests.forked import Forked
 
 EVENTS = "text/event-stream"
@@ -48,6 +50,20 @@ def wait_until_alive(process, url, timeout_s=60):
             except httpx.TransportError:
                 time.sleep(0.02)
     raise AssertionError("the service did not start")
+
+
+def streamed(url, task, instruction, observation, **options):
+    """Yield the name and the document of each event of a prediction's stream."""
+    document = {"task": task, "instruction": instruction, **scene_json(observation), **options}
+    if (pose := observation.end_effector) is not None:
+        document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
+    with (
+        httpx.Client(base_url=url, timeout=60) as http,
+        connect_sse(http, "POST", "/predict", json=document) as source,
+    ):
+        assert source.response.headers["content-type"].startswith("text/event-stream")
+        for event in source.iter_sse():
+            yield event.event, json.loads(event.data)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import pytest
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError
 from roboprompt_client.runs.loop import run_task
-from tests.e2e.processes import killable_server, llm_saying
+from tests.e2e.processes import killable_server, llm_saying, streamed
 from tests.e2e.test_safety import NEAR, PICK, QUERY_M, located, teach
 from tests.e2e.test_stream import Arm, seen
 
@@ -119,12 +119,14 @@ def test_bounded_steps_that_come_while_the_llm_writes_need_a_start_too(service):
 
 def test_limits_tightened_between_the_actions_of_a_stream_count(service):
     llm, client, task = service
-    arrived = client.stream(task, PICK, located(), **OPTIONS)
+    arrived = streamed(client.url, task, PICK, located(), **OPTIONS)
     llm.let(1)
-    assert next(arrived).position_m[2] == pytest.approx(0.875)
+    action = next(document for name, document in arrived if name == "action")
+    assert action["position"][2] == pytest.approx(0.875)
     client.configure_task(task, motion_limits={"keep_out": [BOX]})
     llm.let(2)
-    problem = problem_of(next, arrived)
+    name, problem = next(arrived)
+    assert name == "error"
     assert unsafe(problem)
     assert problem["errors"][0]["field"] == "actions[1].position"
     assert client.get(f"/predictions/{problem['prediction_id']}")["status"] == "unsafe_action"
@@ -140,8 +142,8 @@ def test_limits_loosened_while_the_llm_writes_count_too(service):
     assert len(answer().actions) == 3
 
 
-@pytest.mark.parametrize("streamed", [False, True])
-def test_an_answer_is_not_repeated_beyond_limits_that_were_set_since(service, streamed):
+@pytest.mark.parametrize("in_events", [False, True])
+def test_an_answer_is_not_repeated_beyond_limits_that_were_set_since(service, in_events):
     llm, client, task = service
     llm.let(3)
     document = {
@@ -151,13 +153,13 @@ def test_an_answer_is_not_repeated_beyond_limits_that_were_set_since(service, st
         "end_effector": {"position": NEAR.position_m, "quaternion_xyzw": NEAR.quaternion_xyzw},
         **OPTIONS,
     }
-    headers = {"Idempotency-Key": f"once {streamed}", **({"Accept": "text/event-stream"} if streamed else {})}
+    headers = {"Idempotency-Key": f"once {in_events}", **({"Accept": "text/event-stream"} if in_events else {})}
     with httpx.Client(base_url=client.url, timeout=60, headers=headers) as http:
         first = http.post("/predict", json=document)
         assert first.status_code == 200
         again = http.post("/predict", json=document)
         assert again.status_code == 200
-        assert streamed or again.json()["id"] == first.json()["id"]
+        assert in_events or again.json()["id"] == first.json()["id"]
         client.configure_task(task, motion_limits={"keep_out": [BOX]})
         refused = http.post("/predict", json=document)
         assert refused.status_code == 502

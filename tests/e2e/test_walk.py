@@ -101,8 +101,7 @@ def teach_and_run(lab, typed):
         answer = json.loads(lab.run("predict", *of_cell, *INSTRUCTION, typed=typed))
         (mug,) = answer["objects"]
         np.testing.assert_allclose(mug["position"][:2], before_m[:2], atol=MIDDLE_M + 0.006)
-        allowed = [*typed, *(["y"] * len(answer["actions"])), "y"]
-        said = lab.run("run", *of_cell, *INSTRUCTION, "--confirm", typed=allowed)
+        said = lab.run("run", *of_cell, *INSTRUCTION, typed=[*typed, "y", "y"])
         assert LAB.task.succeeded(), said
 
 

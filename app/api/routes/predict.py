@@ -26,8 +26,8 @@ from app.services.predict.record import Prediction
 from app.store.errors import StoreError
 from app.store.values import JsonObject
 from app.store.visibility import present
-from roboprompt_client.http import EVENT_STREAM
 
+EVENT_STREAM = "text/event-stream"
 REFUSED_QUALITY = re.compile(r"q\s*=\s*0(\.0*)?")
 STREAMED: dict[int | str, dict[str, object]] = {
     200: {"content": {EVENT_STREAM: {"schema": {"type": "string"}, "example": "event: action\ndata: {...}\n\n"}}}

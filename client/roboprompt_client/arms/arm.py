@@ -138,9 +138,7 @@ class Arm:
         Raises:
             MotionError: if the arm does not answer.
         """
-        state, geometry = self.state(), self._geometry
-        if geometry is None and isinstance(self.driver, KnowsItsJoints):
-            geometry = self.driver.geometry()
+        state, geometry = self.state(), self._known_geometry()
         boxes = (*self._limits.keep_out, *limits.keep_out)
         return preview_plan(
             actions,
@@ -151,6 +149,30 @@ class Arm:
             joints_rad=state.joint_positions_rad,
             start_m=state.position_m.tolist(),
         )
+
+    def check_plan(self, actions: Sequence[EndEffectorAction]) -> None:
+        """Check a plan against the cell's limits and the arm's reach; nothing moves.
+
+        Raises:
+            UnsafeActionError, MotionError: naming the first action that is beyond the limits or cannot be reached.
+        """
+        guard = MotionGuard(self._limits, before=self.state().pose())
+        for action in actions:
+            guard.check(action)
+        asks_driver = self._known_geometry() is None
+        for number, item in enumerate(self.preview(actions, MotionLimits(hand_radius_m=0.0)), 1):
+            if item.reachable is False:
+                raise MotionError(f"action {number} of the plan: {item.problem}; nothing was moved")
+            if asks_driver:
+                try:
+                    self._check_reach(item.action)
+                except MotionError as error:
+                    raise MotionError(f"action {number} of the plan: {error}; nothing was moved") from error
+
+    def _known_geometry(self) -> Geometry | None:
+        if self._geometry is None and isinstance(self.driver, KnowsItsJoints):
+            return self.driver.geometry()
+        return self._geometry
 
     def _check_reach(self, action: EndEffectorAction) -> tuple[Array, Array]:
         """Return the action's pose in the base frame; raises MotionError if it is out of reach."""

@@ -137,7 +137,10 @@ class Driver(Protocol):
         ...
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
-        """Raise MotionError if the pose, or the straight way to it, is out of reach or beyond a joint's limit."""
+        """Raise MotionError if the pose is out of reach or beyond a joint's limit; nothing moves.
+
+        Where the geometry is not known, each pose of a plan is asked about before the first motion.
+        """
         ...
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:

@@ -75,22 +75,27 @@ class Person:
     def __init__(self, robot: Robot, url: str = "") -> None:
         self._robot, self._url = robot, url
         self.said: Outcome | None = None
-        self._shown: list[Previewed] = []  # in the order of the questions of `confirm`
+        self._num_actions = 0  # of the present plan
 
-    def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits, prediction_id: str | None) -> None:
+    def preview(self, actions: Sequence[EndEffectorAction], limits: MotionLimits, prediction_id: str) -> None:
         """Print the plan, or that there is no preview, and the address of the prediction's page."""
         if not isinstance(self._robot, Arm):
             _print("no preview: this robot's geometry is unknown (a cell's file would name it)")
         elif previewed := self._robot.preview(actions, limits):
-            self._shown += previewed
             _print(plan_table(previewed))
-        if prediction_id is not None:
-            _print(f"{self._url}/ui/predictions/{prediction_id}")
+        self._num_actions = len(actions)
+        _print(f"{self._url}/ui/predictions/{prediction_id}")
+
+    def allow_danger(self, message: str) -> bool:
+        """Return whether the person allows what the service calls dangerous."""
+        return ask_yes(f"DANGER: {message.rstrip('.')}. Carry out anyway? [y/N] ")
+
+    def confirm_plan(self, index: int, _: EndEffectorAction) -> bool:
+        """Return whether the person allows the plan; they are asked before its first action only."""
+        return index > 0 or ask_yes(f"Carry out {self._num_actions} action(s)? [y/N] ")
 
     def confirm(self, index: int, action: EndEffectorAction) -> bool:
-        """Return whether the person allows the action; its warnings are printed first."""
-        if index < len(self._shown) and (warning := self._shown[index].warning):
-            _print(f"! {warning}")
+        """Return whether the person allows the action."""
         gripper = "open" if action.gripper_open else "closed"
         x_m, y_m, z_m = action.position_m
         return ask_yes(f"action {index + 1}: to {x_m:.3f} {y_m:.3f} {z_m:.3f} m, gripper {gripper}. Go? [y/N] ")
@@ -109,7 +114,6 @@ class Person:
 
     def outcome(self, predicted: PredictedActions) -> Outcome | None:
         """Return the outcome that the person types (`y` or `n`, with a note after it), or None if they type nothing."""
-        self._shown.clear()  # the next plan counts its actions from 0
         while answer := ask("Did it work? [y, n, or n and why; Enter: not recorded] "):
             word, _, note = answer.partition(" ")
             if word.lower().rstrip(",:") in (*YES, *NO):

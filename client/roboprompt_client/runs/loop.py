@@ -8,7 +8,6 @@ from typing import Any
 
 from roboprompt_client.answers import (
     Confirm,
-    Finding,
     OnDanger,
     Outcome,
     PredictedActions,
@@ -17,7 +16,6 @@ from roboprompt_client.answers import (
 )
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import (
-    InvalidAnswerError,
     InvalidInputError,
     NotConfirmedError,
     ServiceProblemError,
@@ -25,11 +23,11 @@ from roboprompt_client.errors import (
 )
 from roboprompt_client.motion.guard import MotionGuard
 from roboprompt_client.motion.limits import MAX_ACTIONS, MotionLimits
-from roboprompt_client.robot import Observation, Robot, stop_after_error
+from roboprompt_client.robot import ChecksPlans, Observation, Robot, stop_after_error
 from roboprompt_client.runs.look_again import Follower, Leading, ObjectFinder
 from roboprompt_client.types.poses import EndEffectorAction
 
-Preview = Callable[[Sequence[EndEffectorAction], MotionLimits, str | None], None]
+Preview = Callable[[Sequence[EndEffectorAction], MotionLimits, str], None]
 OnOutcome = Callable[[PredictedActions], Outcome | None]
 log = logging.getLogger(__name__)
 
@@ -45,15 +43,13 @@ class RunOptions:
     Attributes:
         pinned: limits of the robot's own, which hold beside the task's: the service cannot widen them.
         confirm: asked before each action, with its index; the run ends if it returns False.
-        stream: start to move while the LLM still writes; otherwise nothing moves until all actions are checked.
         look_again: observe again before contact (see the module `look_again`) and move the remaining actions along
-            with their objects; the returned prediction has the actions as they were carried out. Not with `stream`.
+            with their objects; the returned prediction has the actions as they were carried out.
         leading: with `look_again`, aims ahead of objects that move by themselves.
-        on_danger: what to do about a finding of severity `danger`: ask `confirm` before anything moves, `refuse`, or
-            `go`. None: `confirm` if there is one, else `refuse`. With `stream` it applies to the findings before the
-            first action.
+        on_danger: what to do about a finding of severity `danger` before anything moves: `refuse`, `go`, or a function
+            that is asked with its message; the run ends if it returns False.
         preview: called with the actions, the limits and the prediction's id before the actions are checked and anything
-            moves; with `stream` for each action, without the id.
+            moves.
         on_outcome: called with the prediction that was carried out; the outcome that it returns is recorded at the
             service. A failure to record is only logged.
 
@@ -63,20 +59,16 @@ class RunOptions:
 
     pinned: MotionLimits | None = None
     confirm: Confirm | None = None
-    stream: bool = False
     look_again: bool = False
     leading: Leading | None = None
-    on_danger: OnDanger | None = None
+    on_danger: OnDanger = "refuse"
     preview: Preview = show_nothing
     on_outcome: OnOutcome | None = None
 
     def __post_init__(self) -> None:
-        checked_on_danger(self.on_danger, self.confirm)
+        checked_on_danger(self.on_danger)
         if self.leading is not None and not self.look_again:
             raise InvalidInputError("leading", "is given, but the robot does not look again", "look_again=True")
-        if self.look_again and self.stream:
-            message = "cannot be combined with stream, which moves before all actions are known"
-            raise InvalidInputError("look_again", message, "one of the two")
 
 
 def run_task(
@@ -96,11 +88,11 @@ def run_task(
     Raises:
         InvalidInputError: if options contradict each other, limits are invalid or leave no room, or steps are
             bounded and the observation lacks `end_effector`; nothing was moved.
-        ServiceProblemError, ServiceUnreachableError: without `stream` nothing was moved.
+        ServiceProblemError, ServiceUnreachableError: nothing was moved.
         InvalidAnswerError: if the findings are missing or malformed; nothing was moved.
-        UnsafeActionError: if an action is beyond the limits; it was not carried out, without `stream` none was.
-        MotionError: if an action could not be carried out.
-        NotConfirmedError: if `confirm` returned False.
+        UnsafeActionError: if an action is beyond the limits; nothing was moved.
+        MotionError: if an action is out of reach, where the robot knows that before it moves, or failed.
+        NotConfirmedError: if `confirm` or `on_danger` returned False.
         DangerError: if a finding is a danger and `on_danger` is `refuse`; nothing was moved.
         ObjectLostError: if an object is not seen again; with `leading` also if it changed its height or is too fast.
     """
@@ -113,7 +105,7 @@ def run_task(
         allowed = of_task if how.pinned is None else of_task.intersection(how.pinned)
         asked = {name: option for name, option in options.items() if name not in own}
         run = _Run(client, robot, task, instruction, allowed, how, asked)
-        predicted = run.streamed() if how.stream else run.whole()
+        predicted = run.carry_out()
     except BaseException:
         stop_after_error(robot)
         raise
@@ -144,7 +136,7 @@ class _Run:
     how: RunOptions
     asked: Mapping[str, Any]
 
-    def whole(self) -> PredictedActions:
+    def carry_out(self) -> PredictedActions:
         """Carry out the actions after all of them were checked; return the prediction."""
         leading = self.how.leading
         looked_s = 0.0 if leading is None else leading.clock()
@@ -155,7 +147,10 @@ class _Run:
         self.how.preview(predicted.actions, self.allowed, predicted.id)
         check = partial(self._check_all, observation)
         check(predicted.actions)
-        self.require_allowed(predicted.findings, predicted.actions)
+        if isinstance(self.robot, ChecksPlans):
+            self.robot.check_plan(predicted.actions)
+        if predicted.actions:
+            require_allowed(predicted.findings, self.how.on_danger)
         if finder is None:
             for index, action in enumerate(predicted.actions):
                 self.execute(index, action)
@@ -168,25 +163,6 @@ class _Run:
             follower.after(index)
         return replace(predicted, actions=follower.actions)
 
-    def streamed(self) -> PredictedActions:
-        """Carry out each action as it comes; return the prediction."""
-        observation = self.robot.observe()
-        guard = self.guard(observation)
-        findings: list[Sequence[Finding]] = []  # of the event before the first action
-        for index, item in enumerate(
-            self.client.stream(self.task, self.instruction, observation, on_findings=findings.append, **self.asked)
-        ):
-            if isinstance(item, PredictedActions):
-                return item
-            self.how.preview((item,), self.allowed, None)
-            guard.check(item)
-            if not findings:
-                raise InvalidAnswerError("findings", "did not come before the first action", "a first event `findings`")
-            if index == 0:
-                self.require_allowed(findings[0], (item,))
-            self.execute(index, item)
-        raise AssertionError("a stream ends with the whole answer or an error")
-
     def guard(self, observation: Observation) -> MotionGuard:
         """For actions that begin where the robot is in `observation`."""
         self.allowed.require_start(observation.end_effector)
@@ -196,11 +172,6 @@ class _Run:
         guard = self.guard(observation)
         for action in actions:
             guard.check(action)
-
-    def require_allowed(self, findings: Sequence[Finding], actions: Sequence[EndEffectorAction]) -> None:
-        """Raise DangerError or NotConfirmedError for a danger that is not allowed."""
-        danger = checked_on_danger(self.how.on_danger, self.how.confirm)
-        require_allowed(findings, actions, danger, self.how.confirm)
 
     def execute(self, index: int, action: EndEffectorAction) -> None:
         """Carry out an action if `confirm` allows it."""

@@ -10,7 +10,7 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import NotConfirmedError, StepFailedError
 from roboprompt_client.robot import Observation, Robot, stop_after_error
 from roboprompt_client.runs.loop import OnOutcome, record_outcome, run_task
-from roboprompt_client.types.poses import EndEffectorAction, Pose
+from roboprompt_client.types.poses import EndEffectorAction
 
 ConfirmSteps = Callable[[Sequence[PlannedStep]], bool]
 log = logging.getLogger(__name__)
@@ -79,10 +79,9 @@ class _OnlyObjects:
     robot: Robot
     names: Collection[str]
 
-    @property
-    def viewpoints(self) -> Sequence[Pose]:
-        """The robot's own: `run_task` refuses to look again with an arm that moves in order to look."""
-        return getattr(self.robot, "viewpoints", ())
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401
+        """Return what the robot offers besides the Protocol's methods, such as `check_plan`."""
+        return getattr(self.robot, name)
 
     def observe(self) -> Observation:
         seen = self.robot.observe()
