@@ -8,9 +8,7 @@ import sys
 import threading
 import webbrowser
 from contextlib import suppress
-from dataclasses import asdict
 from datetime import datetime
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -21,17 +19,15 @@ from app.cli.shared import AsJson, check_models, check_names, progress_bars
 from app.evaluation.methods import with_poses
 from app.evaluation.plan import Plan
 from app.evaluation.report.page import write_report
-from app.evaluation.results import Evaluation, reached
+from app.evaluation.results import Evaluation
 from app.evaluation.run import run_demo
 from app.evaluation.server import running_server
 from app.evaluation.sweeps import methods_beside
 from app.evaluation.tables import results_table, sweep_summary
-from app.evaluation.world import Panda
 from app.sim.tasks import TASKS
 from app.sim.world import BASE_POSITION_M
 
 DEMO_TASKS = ("push_button", "stack_cube", "open_drawer")
-DRIVERS = {"simulated": (), "franka": ("franky", "franky_sim")}
 
 
 def demo(
@@ -42,10 +38,6 @@ def demo(
     poses: Annotated[
         Literal["given", "vision"], typer.Option(help="vision: images only, by object models learned beforehand")
     ] = "given",
-    robot: Annotated[
-        Literal["simulated", "franka"],
-        typer.Option(help="franka: teach and act through its driver, over libfranka's protocol"),
-    ] = "simulated",
     compare: Annotated[
         bool, typer.Option(help="also a regression, the expert's replay and, with --model, the paper's format")
     ] = True,
@@ -61,7 +53,6 @@ def demo(
     """
     check_names("--task", task or (), TASKS)
     check_models([] if model is None else [model])
-    _check_robot(robot)
     folder = report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
     if (data := folder / "data").exists():
         raise typer.BadParameter(
@@ -71,10 +62,9 @@ def demo(
     command = shlex.join(["roboprompt", *sys.argv[1:]])
     methods = with_poses(methods_beside(model)[: None if compare else 1], poses)
     arm = {"arm": "panda", "robot_base": BASE_POSITION_M}
-    world = Panda(robot=robot)
-    plan = Plan(tuple(task or DEMO_TASKS), methods, episodes, demos, command, world, images=True, settings=arm)
+    plan = Plan(tuple(task or DEMO_TASKS), methods, episodes, demos, command, images=True, settings=arm)
     with progress_bars(console) as progress:
-        evaluation = run_demo(plan, progress, data, workers=1 if robot == "franka" else None)
+        evaluation = run_demo(plan, progress, data)
     figures = _report(evaluation, folder, console)
     if not open_pages:
         serve = _shell_command("serve", "--data", str(data.resolve()))
@@ -106,19 +96,7 @@ def _report(evaluation: Evaluation, folder: Path, console: Console) -> dict[str,
     console.print(results_table(evaluation))
     for message, number in evaluation.errors():
         console.print(f"{number} trials could not be run: {message}", markup=False)
-    arrivals = reached(evaluation.trials)
-    if arrivals is not None:
-        console.print(f"{arrivals}; pictures in the report: the same actions in the direct simulation")
     index = write_report(evaluation, folder)
     console.print(f"{evaluation.duration_s:.0f} s in all; report: {index}")
-    arrived = {} if arrivals is None else {"reached": asdict(arrivals)}
     run = {"command": evaluation.command, "duration_s": round(evaluation.duration_s, 1), "report": str(index)}
-    return {**run, **sweep_summary(evaluation), **arrived}
-
-
-def _check_robot(robot: str) -> None:
-    """Refuse a robot whose driver is not installed, before anything is started."""
-    missing = [name for name in DRIVERS[robot] if find_spec(name) is None]
-    if missing:
-        message = f"{robot} needs {' and '.join(missing)} (valid: pip install '.[franka]', or make franka)"
-        raise typer.BadParameter(message, param_hint="--robot")
+    return {**run, **sweep_summary(evaluation)}

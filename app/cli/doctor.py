@@ -50,7 +50,6 @@ WHAT_FOR = {
     "postgres": "ROBOPROMPT_DATABASE_URL=postgresql://...",
     "s3": "ROBOPROMPT_BLOBS_URL",
     "otel": "ROBOPROMPT_OTEL_ENDPOINT",
-    "franka": "roboprompt demo --robot franka",
 }
 
 

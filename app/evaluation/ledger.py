@@ -43,7 +43,6 @@ def document_of(outcome: Trial | Crash) -> Document:
         "objects": [object_json(pose) for pose in outcome.scene.objects],
         "actions": [_action_json(action) for action in outcome.actions],
         "num_executed": None if execution is None else execution.num_executed,
-        "misses": [] if execution is None else list(execution.misses),
         **{name: getattr(outcome, name) for name in AS_IT_IS},
     }
 
@@ -56,8 +55,7 @@ def outcome_of(document: Document) -> Trial | Crash:
     execution, num_executed = None, document["num_executed"]
     if num_executed is not None:
         succeeded = document["status"] == "success"
-        misses = tuple((off_m, off_deg) for off_m, off_deg in document["misses"])
-        execution = RolloutResult(num_executed, succeeded, document["failure"], misses=misses)
+        execution = RolloutResult(num_executed, succeeded, document["failure"])
     return Trial(
         scene=SceneView(task, seed, document["instruction"], tuple(map(object_from_json, document["objects"])), (), {}),
         error="" if execution else document["failure"],

@@ -11,13 +11,7 @@ from roboprompt_client.errors import InvalidInputError
 Poses = Literal["given", "vision"]
 NoiseOn = Literal["both", "test"]
 # Where a method's actions come from; `app.evaluation.trials` has a function for each.
-Source = Literal[
-    "service",
-    "expert replay",
-    "expert",
-    "robot loop",
-    "own keyframes",
-]
+Source = Literal["service", "expert replay", "expert", "robot loop", "own keyframes"]
 OF_THE_SERVICE = frozenset[Source]({"service", "robot loop"})
 OF_THE_PANDA = frozenset[Source]({"robot loop", "expert replay"})
 
@@ -39,7 +33,6 @@ class Method:
             others do not ask it.
         shift_m: how far the free objects are moved between answer and first action; for the `robot loop`.
         look_again: whether the robot then looks again (`roboprompt_client.runs.look_again`).
-        lead_s: where objects move by themselves, how far ahead the robot then aims (`Leading` there).
     """
 
     label: str
@@ -52,7 +45,6 @@ class Method:
     noise_on: NoiseOn = "both"
     shift_m: float = 0.0
     look_again: bool = False
-    lead_s: float = 0.0
 
     def __post_init__(self) -> None:
         if self.poses == "vision" and (self.noise or self.source != "service"):

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from statistics import fmean, median
 from typing import Any, TypeVar
@@ -217,28 +217,3 @@ def _median(values: Iterable[float]) -> float | None:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 3)
-
-
-@dataclass(frozen=True)
-class Reached:
-    """How far a driver's arm was from the commanded poses, over all actions."""
-
-    poses: int
-    median_mm: float
-    worst_mm: float
-    median_deg: float
-    worst_deg: float
-
-    def __str__(self) -> str:
-        position = f"{self.median_mm:.2g} mm in the median, {self.worst_mm:.2g} mm at worst"
-        rotation = f"{self.median_deg:.2g} and {self.worst_deg:.2g} degrees"
-        return f"{self.poses} poses reached: off by {position} ({rotation})"
-
-
-def reached(trials: Sequence[Trial]) -> Reached | None:
-    """Return the accuracy of a driver's motions; None if the simulation moved the arm without a driver."""
-    misses = [miss for trial in trials if trial.execution is not None for miss in trial.execution.misses]
-    if not misses:
-        return None
-    off_mm, off_deg = [1000 * off_m for off_m, _ in misses], [turned_deg for _, turned_deg in misses]
-    return Reached(len(misses), median(off_mm), max(off_mm), median(off_deg), max(off_deg))

@@ -11,25 +11,20 @@ from app.sim.demonstrate import judge
 from app.sim.outcomes import RolloutResult, SceneView
 from app.sim.robot import SimulatedPanda
 from app.sim.shift import shift_free_objects
-from app.sim.tasks import ALL_TASKS, MOVING_TASKS, make_task
+from app.sim.tasks import ALL_TASKS, make_task
 from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import MotionError, ObjectLostError, ServiceProblemError, UnsafeActionError
 from roboprompt_client.robot import Observation
-from roboprompt_client.runs.look_again import Leading
 from roboprompt_client.runs.loop import run_task
 from roboprompt_client.types.poses import EndEffectorAction
 
 # the problems that are the LLM's failure, not the service's
 USELESS_REPLY = frozenset({"/problems/unparsable-reply", "/problems/unsafe-action", "/problems/unsupported"})
 
-# What passes in a scene that moves while the simulation itself stands still: until the service has answered, and from a
-# picture to the poses in it. Fixed, so that results can be repeated; measured in docs/results/moving.md.
-ANSWER_S, LOOK_S = 1.0, 0.4
-
 
 class ChangingPanda:
-    """A simulated robot in a scene that changes: objects are moved once it has looked, or move while it looks.
+    """A simulated robot in a scene that changes: objects are moved once it has looked.
 
     Attributes:
         actions: carried out, and the one that failed.
@@ -50,8 +45,6 @@ class ChangingPanda:
             self._shift()
         self._has_looked = True
         seen = self._robot.observe()
-        if moves(self._robot):
-            self._robot.hold(LOOK_S)
         return replace(seen, objects=disturbed(seen.objects, self._method.noise, self._seed))
 
     def execute(self, action: EndEffectorAction) -> None:
@@ -67,23 +60,13 @@ class ChangingPanda:
             self._shifted = True
 
 
-def moves(robot: SimulatedPanda) -> bool:
-    """Whether objects of the robot's scene move by themselves."""
-    return robot.task.name in MOVING_TASKS
-
-
 class _Client(RoboPromptClient):
-    """Keeps what it was answered, also where carrying it out fails; time passes meanwhile where objects move."""
+    """Keeps what it was answered, also where carrying it out fails."""
 
-    def __init__(self, url: str, robot: SimulatedPanda) -> None:
-        super().__init__(url)
-        self.predicted: PredictedActions | None = None
-        self._robot = robot
+    predicted: PredictedActions | None = None
 
     def predict(self, *arguments: Any, **options: Any) -> PredictedActions:  # noqa: ANN401
         self.predicted = super().predict(*arguments, **options)
-        if moves(self._robot):
-            self._robot.hold(ANSWER_S)
         return self.predicted
 
 
@@ -99,7 +82,7 @@ def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -
     started, task = time.perf_counter(), scene.task
     panda = SimulatedPanda(make_task(task, seed, ALL_TASKS[task].test_variation(seed)), cameras=())
     robot = ChangingPanda(panda, seed, method)
-    with _Client(url, panda) as client:
+    with _Client(url) as client:
         error, blocked = _ask_and_move(client, robot, name, panda, method)
         failure_text = error or blocked or judge(panda)
         if client.predicted is not None:
@@ -125,10 +108,9 @@ def _ask_and_move(
     client: _Client, robot: ChangingPanda, name: str, panda: SimulatedPanda, method: Method
 ) -> tuple[str, str]:
     """Return why the reply gave no actions, and what ended the motion; empty texts if nothing did."""
-    leading = Leading(method.lead_s, lambda: float(panda.task.data.time)) if method.lead_s else None
     asked, options = (client, robot, name, panda.task.instruction), {"on_danger": "go", **method.options}
     try:
-        run_task(*asked, look_again=method.look_again, leading=leading, **options)
+        run_task(*asked, look_again=method.look_again, **options)
     except (MotionError, ObjectLostError, UnsafeActionError) as failure:
         return "", str(failure)
     except ServiceProblemError as problem:

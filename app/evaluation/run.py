@@ -195,12 +195,11 @@ def executor_of(world: World) -> Executor:
     return LocalExecutor(imports=SIMULATION) if world.python is None else ForeignExecutor(world.python)
 
 
-def run_demo(plan: Plan, progress: Progress, data: Path, workers: int | None = None) -> Evaluation:
+def run_demo(plan: Plan, progress: Progress, data: Path) -> Evaluation:
     """Run the plan on a new service, and return the results with pictures for the report.
 
     Args:
         data: folder of the service, which is kept.
-        workers: processes that simulate; None: one for each core.
 
     Raises:
         ServerStartError, ServiceLostError.
@@ -208,7 +207,7 @@ def run_demo(plan: Plan, progress: Progress, data: Path, workers: int | None = N
     with (
         tempfile.TemporaryDirectory(prefix="roboprompt-") as folder,
         Ledger(Path(folder) / "results.jsonl") as ledger,
-        closing(LocalExecutor(workers, SIMULATION)) as executor,
+        closing(LocalExecutor(imports=SIMULATION)) as executor,
         service(warm_up=plan.asks_default_model, data=data) as client,
     ):
         evaluation = PlanRun(plan, ledger, client, executor, progress)()

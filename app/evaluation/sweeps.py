@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from app.evaluation.methods import Method, with_models
-from app.sim.tasks import COMPOSITION_TASKS, MOVING_TASKS, TASKS
+from app.sim.tasks import COMPOSITION_TASKS, TASKS
 from roboprompt_client.errors import InvalidInputError
 
 BY_NAME = Method("")  # a model as the service asks it
@@ -44,10 +44,6 @@ LONG_REPLIES = {"max_actions": 100, "timeout_s": 300.0}
 # scene decides. See docs/composition.md.
 ALLOWED = {"unfamiliar": "allow", "unsupported": "allow"}
 AS_RECORDED = {"keyframes": {"rule": "merged"}}
-# From observation to closed fingers: 0.4 s until the poses are known, 1.4 s of motion, half of the fingers' way.
-LEAD_S = 2.0
-AS_ANSWERED = Method("as answered", source="robot loop")
-LOOKING = replace(AS_ANSWERED, label="look again", look_again=True)
 OPEN = Method("", {**PAPER, **ALLOWED, "timeout_s": LONG_PLAN_S}, AS_RECORDED)
 
 
@@ -170,12 +166,6 @@ SWEEPS: Mapping[str, Sweep] = {
         (EXPERT, REPLAY),
     ),
     "models": Sweep("the embedded LLMs and any given", models=EMBEDDED),
-    "moving": Sweep(
-        "a cube that moves at 2, 5 or 10 cm/s (in turn with the scenes) and was demonstrated at rest: as answered,"
-        " looking again, and aiming ahead of it by the velocity that two observations show",
-        (AS_ANSWERED, LOOKING, replace(LOOKING, label="look again and lead", lead_s=LEAD_S)),
-        tasks=tuple(MOVING_TASKS),
-    ),
     "outside": Sweep(
         "a world that others have made: demonstrations' own keyframes in their own scenes, and models",
         (OWN_KEYFRAMES,),

@@ -159,7 +159,6 @@ def _asked(result: MethodResult, method: Method) -> str:
         where: method.noise,
         "objects moved by m": method.shift_m,
         "looks again": method.look_again,
-        "leads by s": method.lead_s if method.look_again else 0,
     }
     own = {**method.options, **method.settings, **{name: value for name, value in special.items() if value}}
     further = {name: value for name, value in own.items() if name not in ("model", "representation", "prompt_format")}

@@ -13,8 +13,7 @@ from typing import Any, ClassVar, Protocol
 
 from app.pipeline.keyframes import Motion, merged
 from app.pipeline.workspace import Workspace, discretize_actions, undiscretize_actions
-from app.sim.demonstrate import Recordings, RobotName, record_demonstration, rollout, view_scene
-from app.sim.libfranka import demonstrate as over_libfranka
+from app.sim.demonstrate import Recordings, record_demonstration, rollout, view_scene
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
 from app.sim.tasks import ALL_TASKS
 from app.sim.world import CAMERA_NAMES, CAMERAS
@@ -86,13 +85,11 @@ class Panda:
 
     Attributes:
         recordings: whether the expert rests at its poses while it demonstrates.
-        robot: what moves the arm, in demonstrations and tests; a Franka's driver rests at each pose.
         control_frequency_hz: of the recordings; RLBench's by default.
         num_cameras: that take images, the first of `app.sim.world.CAMERAS`.
     """
 
     recordings: Recordings = "rests"
-    robot: RobotName = "simulated"
     control_frequency_hz: float = 20.0
     num_cameras: int = len(CAMERA_NAMES)
     tasks: ClassVar[Mapping[str, Mapping[str, float]]] = {
@@ -119,8 +116,6 @@ class Panda:
 
     def demonstrate(self, task: str, seed: int, images: bool = False) -> RecordedDemonstration:
         rate_hz, cameras = self.control_frequency_hz, self._cameras if images else ()
-        if self.robot == "franka":
-            return over_libfranka.record_demonstration(task, seed, rate_hz, images=images)
         return record_demonstration(task, seed, rate_hz, recordings=self.recordings, cameras=cameras)
 
     def solve(self, task: str, seed: int) -> RecordedDemonstration:
@@ -128,8 +123,7 @@ class Panda:
         return record_demonstration(task, seed, variation=variation, recordings=self.recordings, cameras=())
 
     def execute(self, scene: SceneView, actions: Actions) -> RolloutResult:
-        carry_out = over_libfranka.rollout if self.robot == "franka" else rollout
-        return carry_out(scene.task, scene.seed, actions, variation=_variation(scene.task, scene.seed))
+        return rollout(scene.task, scene.seed, actions, variation=_variation(scene.task, scene.seed))
 
 
 WORLD = Panda()

@@ -21,8 +21,6 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 # How experts are recorded: at rest at each of their poses, or passing them as a person does (`app.sim.guided`)
 Recordings = Literal["rests", "continuous"]
-# What moves the arm: the simulation itself, or a Franka's driver over libfranka's protocol (`app.sim.libfranka`)
-RobotName = Literal["simulated", "franka"]
 DWELL_SAMPLES = 2  # of every rest, so that keyframe rules see it at any rate
 
 

@@ -60,11 +60,9 @@ class RolloutResult:
     Attributes:
         num_executed: actions that were carried out.
         succeeded, failure, film_strip: as in RecordedDemonstration.
-        misses: where a driver moved the arm: how far off each action's pose it ended, m and degrees.
     """
 
     num_executed: int
     succeeded: bool
     failure: str
     film_strip: tuple[RgbImage, ...] = ()
-    misses: tuple[tuple[float, float], ...] = ()

@@ -43,15 +43,6 @@ def test_trials_come_back(path):
     np.testing.assert_array_equal(solved.actions[0].quaternion_xyzw, ACTION.quaternion_xyzw)
 
 
-def test_how_near_a_driver_came_is_kept(path):
-    driven = replace(SOLVED, seed=100_004, execution=replace(SOLVED.execution, misses=((0.001, 0.25), (0.0, 0.0))))
-    with Ledger(path) as ledger:
-        ledger.append(driven, "d1")
-    with Ledger(path) as ledger:
-        assert find(ledger, 100_004).execution.misses == driven.execution.misses
-        assert find(ledger, 100_000).execution.misses == ()
-
-
 def test_what_was_not_run_or_run_otherwise_is_not_found(path):
     with Ledger(path) as ledger:
         assert find(ledger, 100_009) is None

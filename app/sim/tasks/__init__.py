@@ -1,4 +1,4 @@
-"""The tasks, by name: those of the paper, and beside them those of compositions and those that move.
+"""The tasks, by name: those of the paper, and beside them those of compositions.
 
 Compositions cannot be solved by copying a demonstration, because words or scene ask for a combination that none shows:
 a yardstick for language models. Every part of a plan is demonstrated (`SHOWN`), some combinations are not (`ASKED`).
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from app.sim.tasks.base import SimTask
 from app.sim.tasks.buttons import PressInOrder, PushButton, PushButtonReal, PushMultipleButtons
-from app.sim.tasks.carrying import PickDrifting, PickFromConveyor, WayRound
+from app.sim.tasks.carrying import WayRound
 from app.sim.tasks.cubes import BuildTower, DestackCube, StackBlocks, StackCube
 from app.sim.tasks.cups import PlaceCups, StackCups
 from app.sim.tasks.fitting import CloseJar, ScrewBulb, SortShape
@@ -49,8 +49,7 @@ TASKS: Mapping[str, type[SimTask]] = {
 COMPOSITION_TASKS: Mapping[str, type[SimTask]] = {
     task.name: task for task in (BuildTower, PressInOrder, SwapCubes, PlaceBeside, ClearKind, WayRound)
 }
-MOVING_TASKS: Mapping[str, type[SimTask]] = {task.name: task for task in (PickFromConveyor, PickDrifting)}
-ALL_TASKS: Mapping[str, type[SimTask]] = {**TASKS, **COMPOSITION_TASKS, **MOVING_TASKS}
+ALL_TASKS: Mapping[str, type[SimTask]] = {**TASKS, **COMPOSITION_TASKS}
 
 
 def make_task(name: str, seed: int, variation: int | None = None) -> SimTask:

@@ -9,8 +9,7 @@ import threading
 import franky_sim
 import mujoco
 from franky_sim.mujoco_simulator import MujocoSimulator
-
-from app.sim.libfranka.in_step import InStepServer
+from in_step import InStepServer
 
 PUSH_N = 8.0
 
