@@ -49,8 +49,6 @@ _RULES = tuple(
         ("POST", "/ui/predict/prompt", "predict"),
         ("POST", "/poses", "predict"),
         ("POST", f"/predictions/{_NAME}/outcome", "predict"),
-        ("PUT", f"/predictions/{_NAME}/case", "predict"),
-        ("DELETE", f"/predictions/{_NAME}/case", "predict"),
     )
 )
 _READ, _ADMIN = frozenset({"read"}), frozenset({"admin"})

@@ -26,7 +26,6 @@ COMMANDS = {
     "export": ("export_data:export_data", "Export a task: --archive, --lerobot."),
     "keys": ("administration:keys", "API keys: add, list, revoke."),
     "models": ("models:application", "LLMs that run on this machine: add, list, remove."),
-    "cases": ("check:cases", "Predictions that were kept as cases, to be asked again."),
 }
 
 

@@ -19,7 +19,6 @@ from app.store.visibility import of_visible_predictions, present
 
 _TASKS, _EPISODES, _PREDICTIONS, _LABELS = tables.tasks, tables.episodes, tables.predictions, tables.labels
 _JOBS, _STAGED, _KEYS = tables.jobs, tables.staged_extractions, tables.idempotency_keys
-_IS_NO_CASE = _PREDICTIONS.c.id.not_in(select(tables.cases.c.prediction_id))
 BATCH = 500  # predictions in a transaction: others want to write, too
 logger = logging.getLogger(__name__)
 _TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "samples", "objects")
@@ -28,14 +27,12 @@ _TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "s
 def erase_prediction(connection: Connection, prediction_id: str) -> None:
     """Delete a prediction with its outcome and the answer kept for a repeated request; raises NotFoundError."""
     seen = of_visible_predictions(select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id == prediction_id))
-    # A case of it that is being kept waits, and then finds no prediction.
     if connection.scalar(seen.with_for_update()) is None or not erase_predictions(connection, [prediction_id]):
         raise NotFoundError("prediction", prediction_id)
 
 
 def erase_predictions(connection: Connection, ids: Sequence[str] | Select[tuple[str]]) -> int:
     """As `erase_prediction`, those that are there; returns how many."""
-    connection.execute(delete(tables.cases).where(tables.cases.c.prediction_id.in_(ids)))
     answer = _KEYS.c.response["id"].as_string()
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == PREDICT, answer.in_(ids)))
     return connection.execute(delete(_PREDICTIONS).where(_PREDICTIONS.c.id.in_(ids))).rowcount
@@ -63,13 +60,13 @@ def erase_task(connection: Connection, name: str) -> None:
 
 
 def predictions_before(connection: Connection, moment: datetime, limit: int) -> tuple[str, ...]:
-    """The ids of at most `limit` predictions that were made before and are no cases, oldest first."""
-    query = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.created_at < moment, _IS_NO_CASE)
+    """The ids of at most `limit` predictions that were made before, oldest first."""
+    query = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.created_at < moment)
     return tuple(connection.scalars(query.order_by(_PREDICTIONS.c.sequence).limit(limit)))
 
 
 def predictions_beyond(connection: Connection, max_bytes: int, blob_bytes: Mapping[str, int]) -> tuple[str, ...]:
-    """The ids of the oldest predictions, without which the others have at most `max_bytes`, oldest first; no cases.
+    """The ids of the oldest predictions, without which the others have at most `max_bytes`, oldest first.
 
     Counted are their texts and their images, an image once and one that an episode has, too, not at all.
 
@@ -79,9 +76,7 @@ def predictions_beyond(connection: Connection, max_bytes: int, blob_bytes: Mappi
     counted = set(digests_in(connection.scalars(select(cast(_EPISODES.c.cameras, Text)))))
     lengths = (func.coalesce(func.length(cast(_PREDICTIONS.c[name], Text)), 0) for name in _TEXTS)
     columns = (_PREDICTIONS.c.id, cast(_PREDICTIONS.c.cameras, Text), *lengths)
-    query = (
-        select(*columns).where(_IS_NO_CASE).order_by(_PREDICTIONS.c.sequence.desc()).execution_options(yield_per=1000)
-    )
+    query = select(*columns).order_by(_PREDICTIONS.c.sequence.desc()).execution_options(yield_per=1000)
     total, beyond = 0, []
     for id_, cameras, *texts in connection.execute(query):
         images = set(digests_in([cameras or ""])) - counted
@@ -125,8 +120,6 @@ def _older_than(store: Store, moment: datetime) -> tuple[str, ...]:
 
 
 def _erase(store: Store, ids: tuple[str, ...]) -> int:
-    """Delete predictions that are no cases; return how many."""
+    """Delete predictions; return how many."""
     with store.write() as connection:
-        chosen = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id.in_(ids))
-        connection.execute(chosen.with_for_update())  # none becomes a case meanwhile
-        return erase_predictions(connection, list(connection.scalars(chosen.where(_IS_NO_CASE))))
+        return erase_predictions(connection, ids)

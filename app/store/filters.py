@@ -107,7 +107,6 @@ class PredictionFilter(Filter):
     num_demonstrations: int | None = None
     outcome: Outcome | None = None
     fate: Fate | None = None
-    cases: bool | None = None
     without_models: tuple[str, ...] = ()
 
     def narrow(self, query: Select[Any]) -> Select[Any]:
@@ -122,8 +121,6 @@ class PredictionFilter(Filter):
             conditions.append(_P.c.outcome_success.is_(_OUTCOMES[self.outcome]))
         if self.fate is not None:
             conditions.append(OF_FATE[self.fate])
-        if self.cases:
-            conditions.append(_P.c.id.in_(select(tables.cases.c.prediction_id)))
         if self.without_models:
             conditions.append(_P.c.model.not_in(self.without_models))
         return of_visible_predictions(query.where(*conditions), self.task)

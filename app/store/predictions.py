@@ -1,20 +1,19 @@
-"""Queries on predictions, and on cases, which are kept to be asked again. Each runs on the caller's transaction."""
+"""Queries on predictions. Each runs on the caller's transaction."""
 
 from datetime import UTC, datetime
 from typing import Any
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, delete, insert, select, update
+from sqlalchemy import Connection, Row, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from app.store import tables
-from app.store.database import lock
 from app.store.errors import NotFoundError
 from app.store.filters import PredictionFilter, fetch_page
 from app.store.records import Page, PredictionDraft, PredictionRecord
 from app.store.visibility import present
 
-_PREDICTIONS, _CASES = tables.predictions, tables.cases
+_PREDICTIONS = tables.predictions
 _INSERT = insert(_PREDICTIONS).returning(_PREDICTIONS.c.sequence)
 EVERY = PredictionFilter()
 
@@ -50,29 +49,6 @@ def record_outcome(connection: Connection, prediction_id: str, success: bool, no
     values = {"outcome_success": success, "outcome_note": note, "outcome_at": datetime.now(UTC)}
     connection.execute(update(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id).values(values))
     return get(connection, prediction_id)
-
-
-def keep_as_case(connection: Connection, prediction_id: str) -> None:
-    """Make the prediction a case, also if it is one; it is not deleted for its age or size. Raises NotFoundError."""
-    get(connection, prediction_id)
-    lock(connection, f"case {prediction_id}")  # of two requests at once the second finds it
-    if is_case(connection, prediction_id):
-        return
-    try:
-        connection.execute(insert(_CASES).values(prediction_id=prediction_id, created_at=datetime.now(UTC)))
-    except IntegrityError as error:  # it was deleted meanwhile
-        raise NotFoundError("prediction", prediction_id) from error
-
-
-def drop_case(connection: Connection, prediction_id: str) -> None:
-    """Stop keeping the prediction as a case; the prediction stays. Raises NotFoundError."""
-    get(connection, prediction_id)
-    connection.execute(delete(_CASES).where(_CASES.c.prediction_id == prediction_id))
-
-
-def is_case(connection: Connection, prediction_id: str) -> bool:
-    """Whether the prediction is one."""
-    return connection.scalar(select(_CASES.c.created_at).where(_CASES.c.prediction_id == prediction_id)) is not None
 
 
 def _record(row: Row[Any]) -> PredictionRecord:

@@ -182,14 +182,6 @@ labels = Table(
     sqlite_autoincrement=True,
 )
 
-# Predictions that are kept to be asked again.
-cases = Table(
-    "cases",
-    metadata,
-    Column("prediction_id", String(32), ForeignKey("predictions.id"), primary_key=True),
-    Column("created_at", UtcDateTime, nullable=False),
-)
-
 # Earlier settings of tasks. `version` is the last one of the task that had them.
 replaced_settings = Table(
     "replaced_settings",

@@ -21,7 +21,7 @@ def test_a_date_counts_from_its_beginning_to_its_end_in_utc():
 def test_nothing_asked_is_nothing_filtered():
     assert EpisodesQuery().filter() == EpisodeFilter()
     assert not EpisodeFilter(task="any").is_set
-    assert PredictionsQuery(cases=True, outcome="unknown").filter() == PredictionFilter(cases=True, outcome="unknown")
+    assert PredictionsQuery(outcome="unknown").filter() == PredictionFilter(outcome="unknown")
 
 
 @pytest.mark.parametrize(

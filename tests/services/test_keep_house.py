@@ -3,7 +3,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import update
 
-from app.store import erasure, predictions, tables
+from app.store import predictions, tables
 from app.store.erasure import keep_house
 from app.store.errors import StoreUnavailableError
 from tests.store.drafts import camera_record, predict, prediction_draft
@@ -48,22 +48,6 @@ def test_the_oldest_go_where_all_together_are_too_large(store):
     records = [predict(store, prediction_draft(prompt_user="a" * 10_000)) for _ in range(5)]
     keep_house(store, max_bytes=35_000)
     assert kept(store) == [record.id for record in records[:1:-1]]
-
-
-def test_a_prediction_that_is_kept_as_a_case_meanwhile_stays(store, monkeypatch):
-    old, _ = (predict(store, prediction_draft()) for _ in range(2))
-    before = erasure.predictions_before
-
-    def kept_after_the_list(connection, moment, limit):
-        found = before(connection, moment, limit)
-        if old.id in found:
-            with store.write() as writing:
-                predictions.keep_as_case(writing, old.id)
-        return found
-
-    monkeypatch.setattr(erasure, "predictions_before", kept_after_the_list)
-    keep_house(store, max_age=timedelta(0))
-    assert kept(store) == [old.id]
 
 
 def test_a_disk_that_refuses_the_note_of_a_sweep_is_an_error_of_the_store(store):

@@ -121,7 +121,3 @@ def test_the_oldest_predictions_are_beyond_an_age_and_a_size(store):
         assert erasure.predictions_beyond(connection, 15_000, sizes) == (first.id, second.id)
         assert erasure.predictions_beyond(connection, 30_000, sizes) == (first.id,)  # an episode has the others
         assert erasure.predictions_beyond(connection, 100_000, sizes) == ()
-    with store.write() as connection:
-        predictions.keep_as_case(connection, first.id)
-        assert erasure.predictions_before(connection, now + timedelta(1), 2) == (second.id, third.id)
-        assert erasure.predictions_beyond(connection, 5_000, sizes) == (second.id, third.id)

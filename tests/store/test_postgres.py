@@ -1,12 +1,11 @@
 """What is special to PostgreSQL: durable commits, locks that end, NUL, errors."""
 
 import threading
-from concurrent.futures import ThreadPoolExecutor, wait
 
 import pytest
 from sqlalchemy import exc, text
 
-from app.store import episodes, erasure, predictions, tasks
+from app.store import episodes, predictions, tasks
 from app.store.database import Database, lock
 from app.store.errors import ConflictError, NotFoundError, StoreUnavailableError
 from app.store.store import Store
@@ -64,17 +63,6 @@ def test_named_locks_end_with_their_transaction(impatient):
         with pytest.raises(exc.OperationalError, match="lock timeout"):
             lock(second, "POST /episodes a")
     write(impatient, lock, "POST /episodes a")
-
-
-def test_a_prediction_that_is_deleted_meanwhile_becomes_no_case(store):
-    asked = predict(store, prediction_draft())
-    with ThreadPoolExecutor(1) as pool:
-        with store.write() as deleting:
-            erasure.erase_prediction(deleting, asked.id)
-            kept = pool.submit(write, store, predictions.keep_as_case, asked.id)
-            assert not wait([kept], timeout=0.3).done
-        with pytest.raises(NotFoundError, match=asked.id):
-            kept.result()
 
 
 def test_a_prediction_does_not_wait_for_an_upload_under_way(store):

@@ -1,4 +1,4 @@
-"""Recorded predictions, their outcomes and cases; and the steps of a sentence over several tasks."""
+"""Recorded predictions, and their outcomes; and the steps of a sentence over several tasks."""
 
 from typing import Annotated
 
@@ -43,22 +43,6 @@ def delete_prediction(services: Wired, prediction_id: str) -> Response:
     """
     with services.store.write() as connection:
         erasure.erase_prediction(connection, prediction_id)
-    return Response(status_code=204)
-
-
-@router.put("/predictions/{prediction_id}/case", status_code=204, responses=problems(_404="no such prediction"))
-def keep_case(services: Wired, prediction_id: str) -> Response:
-    """Keep the prediction as a case, which `roboprompt cases run` asks again; it is not deleted for its age or size."""
-    with services.store.write() as connection:
-        predictions.keep_as_case(connection, prediction_id)
-    return Response(status_code=204)
-
-
-@router.delete("/predictions/{prediction_id}/case", status_code=204, responses=problems(_404="no such prediction"))
-def drop_case(services: Wired, prediction_id: str) -> Response:
-    """Stop keeping the prediction as a case; the prediction stays."""
-    with services.store.write() as connection:
-        predictions.drop_case(connection, prediction_id)
     return Response(status_code=204)
 
 

@@ -88,7 +88,6 @@ class PredictionsQuery(PageQuery, Filtered):
     """The query of a list of predictions."""
 
     outcome: Annotated[Outcome | None, Field(description="only predictions with this outcome")] = None
-    cases: Annotated[bool, Field(description="only predictions that are kept as cases")] = False
 
     def filter(self) -> PredictionFilter:
         """The store's filter."""

@@ -12,7 +12,7 @@ from app.api.routes import Wired
 from app.api.schemas.lists import Filtered
 from app.llm.computed import YARDSTICKS
 from app.services.statistics import task_stats
-from app.store import episodes, prediction_lists, predictions, tables, tasks
+from app.store import episodes, prediction_lists, tables, tasks
 from app.store.filters import FATES, PredictionFilter, authors
 from app.store.prediction_lists import ListCursor, ListOrder
 from app.store.records import Fate
@@ -127,10 +127,9 @@ def prediction_page(request: Request, services: Wired, prediction_id: str) -> Re
         view = view_prediction(connection, services.known, prediction_id)
         of_task = PredictionFilter(task=view.record.task)
         others = prediction_lists.list_page(connection, of_task, "newest", NUM_OTHERS).items
-        is_case = predictions.is_case(connection, prediction_id)
         corrections = episodes.corrections_of(connection, prediction_id)
     others = tuple(item for item in others if item.id != prediction_id)
-    return render(request, "prediction.html", view=view, others=others, is_case=is_case, corrections=corrections)
+    return render(request, "prediction.html", view=view, others=others, corrections=corrections)
 
 
 @documents.get("/ui/predictions/{prediction_id}/result")

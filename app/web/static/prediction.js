@@ -17,10 +17,3 @@ byId("beside")?.addEventListener("change", ({ target }) =>
     playBeside(view, found?.play);
   }),
 );
-byId("case").addEventListener("click", ({ target }) =>
-  attempt(byId("message"), async () => {
-    const keep = target.ariaPressed !== "true";
-    await call(`/predictions/${target.dataset.prediction}/case`, { method: keep ? "PUT" : "DELETE" });
-    target.ariaPressed = String(keep);
-  }),
-);

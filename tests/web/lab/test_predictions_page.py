@@ -181,15 +181,6 @@ def test_an_outcome_is_reported_with_a_note(page, http):
     assert http.get(f"/predictions/{id_}").json()["outcome"]["note"] == "dropped it"
 
 
-def test_a_prediction_is_kept_as_a_case(page, http, seeded):
-    page.goto(f"/ui/predictions/{seeded['success']}")
-    for pressed in ("true", "false"):
-        page.get_by_role("button", name="Case to ask again").click()
-        expect(page.locator("#case")).to_have_attribute("aria-pressed", pressed)
-        kept = http.get("/predictions", params={"cases": True}).json()["predictions"]
-        assert [item["id"] for item in kept] == [seeded["success"]] * (pressed == "true")
-
-
 def test_several_are_compared(page, http, seeded):
     third = ask(http, success=False, model="regression", seed=7)
     page.goto("/ui/predictions?task=pick&demonstrations=4&yardsticks=true")
