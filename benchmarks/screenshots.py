@@ -52,7 +52,7 @@ def addresses(url: str) -> Iterator[tuple[str, str]]:
         found = httpx.get(f"{url}/{what}", params={"task": task, "limit": number}).json()
         return [item["id"] for item in found[what]]
 
-    (solved, other), (failed,) = newest("predictions", "stack_cube", 2), newest("predictions", FAILING)
+    (solved,), (failed,) = newest("predictions", "stack_cube"), newest("predictions", FAILING)
     yield "page-prediction", f"/ui/predictions/{solved}#space"
     yield "why-1-tasks", "/ui/tasks"
     yield "why-2-failures", f"/ui/predictions?task={FAILING}&outcome=failure"
@@ -63,8 +63,8 @@ def addresses(url: str) -> Iterator[tuple[str, str]]:
         "tasks", "episodes?task=stack_cube", f"episodes/{episode}#space",
         f"episodes/{episode}#keyframes", f"episodes/{episode}/texts", f"episodes/{episode}/object",
         "tasks/stack_cube", "tasks/stack_cube/check", "upload",
-        "predict?task=stack_cube", "predictions", "predictions/configurations?task=stack_cube",
-        f"predictions/{solved}#space", f"predictions/compare?id={solved}&id={other}",
+        "predict?task=stack_cube", "predictions",
+        f"predictions/{solved}#space",
     )):  # fmt: skip
         yield f"{SHEET}{number}", f"/ui/{address}"
 

@@ -1,12 +1,13 @@
 """Stored records -> the JSON documents that clients get (see `schemas.responses`)."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 from datetime import datetime
 from typing import Any
 
 from pydantic import BaseModel
 
+from app.llm.computed import YARDSTICKS
 from app.pipeline.order.order import Order
 from app.pipeline.prompt import Prompt
 from app.pipeline.representation import fit_codec
@@ -14,10 +15,9 @@ from app.pipeline.workspace import Workspace, discretize_actions, object_bins
 from app.services.measures import timings
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
-from app.services.statistics import Standing, StandingComparison, TaskStats
 from app.services.task_settings import TaskSettings
 from app.services.teach.history import SettingsChange
-from app.store.prediction_lists import Counts
+from app.store.prediction_lists import Configuration, Counts
 from app.store.records import EpisodeRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
 from app.store.visibility import present
@@ -115,35 +115,19 @@ def _change_document(change: SettingsChange) -> JsonObject:
     return {"version": replaced.version, **when, "changes": both, "restore": change.restore}
 
 
-def stats_document(task: str, stats: TaskStats, compare: Sequence[str] = ()) -> JsonObject:
+def stats_document(task: str, counted: Mapping[Configuration, Counts]) -> JsonObject:
     """A `TaskStatsOut`."""
-    configurations = [_standing(item) for item in stats.standings]
-    compared = [_comparison(item) for item in stats.comparisons(compare)]
-    return {"task": task, **_counts(stats.total), "configurations": configurations, "comparisons": compared}
-
-
-def _standing(standing: Standing) -> JsonObject:
-    asked = {"id": standing.configuration.id, **vars(standing.configuration), "is_yardstick": standing.is_yardstick}
-    return {**asked, **_counts(standing.counts), "llm_ms": standing.llm_ms, "tokens": standing.tokens}
+    names = [field.name for field in fields(Counts)]
+    total = Counts(**{name: sum(getattr(counts, name) for counts in counted.values()) for name in names})
+    configurations = [
+        {**vars(way), "is_yardstick": way.model in YARDSTICKS, **_counts(counts)} for way, counts in counted.items()
+    ]
+    return {"task": task, **_counts(total), "configurations": configurations}
 
 
 def _counts(counts: Counts) -> JsonObject:
     rate = counts.rate
-    own = {**vars(counts), "mean_cost_usd": counts.mean_cost_usd}
-    return {**own, "success_rate": rate.rate if rate.trials else None, "interval": list(rate.interval)}
-
-
-def _comparison(compared: StandingComparison) -> JsonObject:
-    pairs = compared.pairs
-    return {
-        "one": compared.one.configuration.id,
-        "other": compared.other.configuration.id,
-        **vars(pairs),
-        "difference": list(pairs.interval),
-        "evidence": pairs.evidence,
-        "may_stop": pairs.is_decided,
-        "pairs_until_decided": pairs.num_until_decided,
-    }
+    return {**vars(counts), "success_rate": rate.rate if rate.trials else None, "interval": list(rate.interval)}
 
 
 def _asked(question: Question, prompt: Prompt) -> JsonObject:
@@ -179,7 +163,6 @@ def prediction_document(prediction: Prediction) -> JsonObject:
         **_asked(reply.question, reply.prompt),
         "reply_text": reply.text or "",
         "usage": dict(vars(reply.usage)),
-        "cost_usd": reply.cost_usd,
         "timings_ms": prediction.timings_ms,
         "samples": _samples(reply.samples),
         "findings": [finding.to_json() for finding in prediction.findings],
@@ -220,7 +203,6 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "objects": [item.to_json() for item in record.objects],
         "cameras": [item.name for item in record.cameras],
         "usage": record.tokens,
-        "cost_usd": record.cost_usd,
         "timings_ms": record.timings_ms,
         "samples": _samples(record.samples),
         "findings": list(record.findings),

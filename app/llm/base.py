@@ -3,9 +3,7 @@
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal, Protocol, runtime_checkable
-
-from pydantic import BaseModel, ConfigDict, Field
+from typing import Literal, Protocol, runtime_checkable
 
 from app.pipeline.prompt import Prompt
 from roboprompt_client.errors import RoboPromptError
@@ -51,21 +49,6 @@ class ModelResponseError(LanguageModelError):
     """The backend answered with an error or with something unintelligible."""
 
 
-class Price(BaseModel):
-    """US dollars per million tokens; cached tokens of a prompt cost as much as others if they have no price."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    prompt: Annotated[float, Field(ge=0)]
-    completion: Annotated[float, Field(ge=0)]
-    cached: Annotated[float | None, Field(ge=0)] = None
-
-    def cost_usd(self, usage: "Usage") -> float:
-        cached = self.prompt if self.cached is None else self.cached
-        read = self.prompt * (usage.prompt_tokens - usage.cached_tokens) + cached * usage.cached_tokens
-        return (read + self.completion * usage.completion_tokens) / 1e6
-
-
 @dataclass(frozen=True)
 class ModelProfile:
     """The properties of a model that decide how a prompt for it is written."""
@@ -79,7 +62,6 @@ class ModelProfile:
     description: str = ""  # one line for people
     timeout_s: float = 60.0  # the deadline that suits it best, used where a request names none
     reading_s: float = 0.0  # what that is longer for each 1,000 characters of a prompt
-    price: Price | None = None  # as the operator's settings say; None: not known
 
 
 @dataclass(frozen=True)

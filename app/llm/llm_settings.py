@@ -6,8 +6,6 @@ from typing import Annotated, Literal
 import platformdirs
 from pydantic import BaseModel, ConfigDict, Field, SecretStr
 
-from app.llm.base import Price
-
 ENV_PREFIX = "ROBOPROMPT_"
 CACHE = platformdirs.user_cache_path("roboprompt")
 Style = Literal["chat", "completion"]
@@ -66,13 +64,6 @@ class LlmSettings(BaseModel):
         Path | None,
         Field(description="what models have read, while the service is down; empty: prefixes in the data folder"),
     ] = None
-    prices: Annotated[
-        dict[str, Price],
-        Field(
-            description='US dollars per million tokens by pattern of models\' names, e.g. `{"openai/gpt-4o*": '
-            '{"prompt": 2.5, "cached": 1.25, "completion": 10}}`; the first pattern that fits counts'
-        ),
-    ] = {}
     scripted_replies: Annotated[tuple[str, ...], Field(description="what the backend `scripted` replies, in turn")] = ()
     llm_concurrent_requests: Annotated[int, Field(ge=1, description="requests that one provider is asked at once")] = 8
     llm_queued_requests: Annotated[int, Field(ge=0, description="further requests that wait; more are refused")] = 32

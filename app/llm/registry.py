@@ -5,8 +5,7 @@ import threading
 from collections import Counter, OrderedDict
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
+from dataclasses import dataclass
 
 from app.llm.backends import Backend, all_backends
 from app.llm.base import (
@@ -140,10 +139,7 @@ class ModelRegistry:
         bare = backend.create(model, self._settings)
         limits = backend.limits(self._settings) if backend.limits else NO_LIMITS
         owner = name if limits.each_model else backend_name
-        made = ResilientModel(bare, self._guards.setdefault(owner, Guard(owner, limits)))
-        prices = (price for pattern, price in self._settings.prices.items() if fnmatchcase(name, pattern))
-        made.profile = replace(made.profile, price=next(prices, None))
-        return made
+        return ResilientModel(bare, self._guards.setdefault(owner, Guard(owner, limits)))
 
     def _offered_profiles(self) -> list[ModelProfile]:
         return [profile for backend in self._backends.values() for profile in backend.offered(self._settings)]

@@ -1,8 +1,6 @@
 """Lists of predictions for pages: without prompts, ordered by outcome; and the success of each configuration."""
 
-from collections import defaultdict
-from dataclasses import astuple, dataclass, fields
-from hashlib import sha256
+from dataclasses import dataclass, fields
 from typing import Literal
 
 from sqlalchemy import Connection, case, func, or_, select
@@ -10,13 +8,12 @@ from sqlalchemy import Connection, case, func, or_, select
 from app.pipeline.success_rate import SuccessRate
 from app.store import tables
 from app.store.filters import FATES, OF_FATE, PredictionFilter, num_demonstrations
-from app.store.records import PredictionRecord, PredictionSummary
+from app.store.records import PredictionSummary
 from app.store.visibility import of_visible_predictions
 
 ListOrder = Literal["successes", "newest", "failures"]
 
 _P = tables.predictions
-MAX_LATEST = 2000  # predictions whose outcomes, times and tokens are read
 
 
 _SUMMARY = [
@@ -79,37 +76,15 @@ class Configuration:
     num_demonstrations: int
     num_samples: int
 
-    @classmethod
-    def of(cls, record: PredictionRecord) -> "Configuration":
-        asked = record.request
-        selection = asked.get("selection", "first") if asked.get("episode_ids") is None else None
-        number, samples = len(record.demonstration_ids), len(record.samples or (None,))
-        return cls(record.model, record.representation, record.prompt_format, selection, number, samples)
-
-    @property
-    def id(self) -> str:
-        """For addresses: the same for equal configurations."""
-        return sha256(repr(astuple(self)).encode()).hexdigest()[:12]
-
 
 @dataclass(frozen=True)
 class Counts:
-    """How predictions ended, and what they cost.
-
-    `errors` are those without actions, the outcomes those that were recorded; `cost_usd` is the sum of the `priced`
-    ones, whose cost is known, None if there is none.
-    """
+    """How predictions ended; `errors` are those without actions, the outcomes those that were recorded."""
 
     predictions: int
     errors: int
     successes: int
     failures: int
-    cost_usd: float | None = None
-    priced: int = 0
-
-    @property
-    def mean_cost_usd(self) -> float | None:
-        return None if self.cost_usd is None else self.cost_usd / self.priced
 
     @property
     def rate(self) -> SuccessRate:
@@ -117,22 +92,8 @@ class Counts:
         return SuccessRate(self.successes, self.successes + self.failures)
 
 
-@dataclass(frozen=True)
-class Attempt:
-    """A prediction of which a robot's outcome may be known.
-
-    Attributes:
-        llm_ms, tokens: None where they were not measured; tokens: of the prompt, and of the reply.
-    """
-
-    success: bool | None
-    llm_ms: float | None
-    tokens: tuple[int, int] | None
-
-
 # What a request leaves out is the default, as it was asked; named episodes are no selection.
 _NAMED, _SELECTED = (_P.c.request[name].as_string() for name in ("episode_ids", "selection"))
-_COST_USD = _P.c.usage["cost_usd"].as_float()
 _CONFIGURATION = (
     _P.c.model.label("model"),
     _P.c.representation.label("representation"),
@@ -143,25 +104,11 @@ _CONFIGURATION = (
 )
 
 
-def counts_by_configuration(connection: Connection, task: str | None = None) -> dict[Configuration, Counts]:
-    """Count the outcomes of the visible predictions, of one task or of all, most tried configuration first."""
+def counts_by_configuration(connection: Connection, task: str) -> dict[Configuration, Counts]:
+    """Count the outcomes of a task's visible predictions, the surest success first."""
     outcome = _P.c.outcome_success
     counted = (func.count().filter(item) for item in (_P.c.status != "ok", outcome.is_(True), outcome.is_(False)))
-    costs = (func.sum(_COST_USD), func.count(_COST_USD))
-    columns = select(*_CONFIGURATION, func.count(), *counted, *costs)
-    query = of_visible_predictions(columns, task).group_by(*_CONFIGURATION)
+    query = of_visible_predictions(select(*_CONFIGURATION, func.count(), *counted), task).group_by(*_CONFIGURATION)
     rows = connection.execute(query.order_by(func.count().desc(), *_CONFIGURATION[:2]))
-    return {Configuration(*row[:6]): Counts(*row[6:]) for row in rows}
-
-
-def latest_by_configuration(
-    connection: Connection, task: str | None = None
-) -> dict[Configuration, tuple[Attempt, ...]]:
-    """Return the latest predictions as trials by configuration, oldest first."""
-    query = of_visible_predictions(select(*_CONFIGURATION, _P.c.outcome_success, _P.c.timings_ms, _P.c.usage), task)
-    rows = connection.execute(query.order_by(_P.c.sequence.desc()).limit(MAX_LATEST)).all()
-    found: dict[Configuration, list[Attempt]] = defaultdict(list)
-    for *key, success, timings_ms, usage in reversed(rows):
-        tokens = (usage["prompt_tokens"], usage["completion_tokens"]) if usage else None
-        found[Configuration(*key)].append(Attempt(success, timings_ms.get("llm"), tokens))
-    return {key: tuple(trials) for key, trials in found.items()}
+    found = ((Configuration(*row[:6]), Counts(*row[6:])) for row in rows)
+    return dict(sorted(found, key=lambda item: item[1].rate.interval[0], reverse=True))

@@ -186,7 +186,7 @@ class PredictionDraft(_AskedPrediction):
     prompt_user: str
     reply_text: str | None
     actions: tuple[JsonObject, ...] | None
-    usage: JsonObject  # numbers of tokens, and `cost_usd`, null if no price was known
+    usage: JsonObject  # numbers of tokens
     timings_ms: JsonObject
     grounding: JsonObject
     cameras: tuple[CameraRecord, ...] = ()
@@ -195,11 +195,6 @@ class PredictionDraft(_AskedPrediction):
     @property
     def tokens(self) -> dict[str, int]:
         return {name: number for name, number in self.usage.items() if name.endswith("_tokens")}
-
-    @property
-    def cost_usd(self) -> float | None:
-        cost: float | None = self.usage.get("cost_usd")
-        return cost
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,6 @@ import json
 import re
 from collections.abc import Callable, Coroutine, Iterable, Sequence
 from datetime import UTC
-from math import floor, log10
 from pathlib import Path
 from typing import Any
 
@@ -166,14 +165,6 @@ def linked(text: str, root: str) -> Markup:
     )
 
 
-def usd(amount: float | None) -> str:
-    """To two digits at least: `$12.35`, `$0.00031`."""
-    if amount is None:
-        return NOTHING
-    decimals = 2 if amount >= 1 or amount == 0 else 1 - floor(log10(amount))
-    return f"${amount:,.{decimals}f}"
-
-
 FILTERS: dict[str, Callable[..., Any]] = {
     "date": lambda moment: f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC",
     "number": "{:,}".format,
@@ -187,7 +178,6 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "success_rate": success_rate,
     "linked": linked,
     "plural": plural,
-    "usd": usd,
     "some": some,
     "fate": {"failure": "failed", "refused": "no actions", "unknown": "no outcome", "success": "succeeded"}.__getitem__,
     "task": task_text,

@@ -7,7 +7,6 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
-from pydantic import ValidationError
 
 from app.llm import backends
 from app.llm.backends import BUILT_IN, Backend, all_backends
@@ -17,7 +16,6 @@ from app.llm.base import (
     ModelResponseError,
     ModelUnavailableError,
     UnknownModelError,
-    Usage,
     complete,
 )
 from app.llm.computed import SCRIPTED, ScriptedModel
@@ -254,17 +252,3 @@ def test_another_package_adds_a_backend_but_replaces_none(monkeypatch):
     assert found["openai"] is BUILT_IN["openai"]
     registry = ModelRegistry(LlmSettings(), found)
     assert asyncio.run(complete(registry.get("own/hello"), asking(object_frame_prompt()))).text == "hello"
-
-
-@pytest.mark.parametrize(("model", "cost_usd"), [("nearest", 3.0), ("regression", 2.2), ("scripted", None)])
-def test_the_first_pattern_that_fits_is_a_model_s_price(make_registry, model, cost_usd):
-    prices = {"nea*": {"prompt": 1, "completion": 2}, "*re*": {"prompt": 1, "completion": 2, "cached": 0.2}}
-    price = make_registry(prices=prices, scripted_replies=("a",)).profile(model).price
-    usage = Usage(prompt_tokens=2_000_000, cached_tokens=1_000_000, completion_tokens=500_000)
-    assert (price and price.cost_usd(usage)) == (cost_usd and pytest.approx(cost_usd))
-
-
-@pytest.mark.parametrize("wrong", [{"prompt": -1}, {"completion": None}, {"reply": 1}])
-def test_a_price_that_is_none_is_refused(make_registry, wrong):
-    with pytest.raises(ValidationError, match="prices"):
-        make_registry(prices={"nearest": {"prompt": 1, "completion": 1, **wrong}})

@@ -20,12 +20,11 @@ from app.api.schemas.responses import JobOut
 from app.api.schemas.tasks import SettingsHistory, TaskList, TaskOut, TaskStatsOut
 from app.perception.poses_wire import poses_document
 from app.services.container import Services
-from app.services.statistics import task_stats
 from app.services.task_settings import TaskSettings
 from app.services.teach import learn
 from app.services.teach.history import settings_history
 from app.services.teach.learn import Tried, try_model
-from app.store import episodes, erasure, tasks
+from app.store import episodes, erasure, prediction_lists, tasks
 from app.store.records import JobRecord, TaskRecord
 from app.store.values import JsonObject
 
@@ -106,25 +105,16 @@ def delete_task(services: Wired, name: str) -> Response:
     return Response(status_code=204)
 
 
-@router.get(
-    "/tasks/{name}/stats",
-    response_model=TaskStatsOut,
-    responses=problems(_404="no such task", _422="`compare` names an unknown configuration"),
-)
-def get_task_stats(
-    services: Wired,
-    name: str,
-    compare: Annotated[list[str] | None, Query(description="ids of configurations to compare with each other")] = None,
-) -> Response:
+@router.get("/tasks/{name}/stats", response_model=TaskStatsOut, responses=problems(_404="no such task"))
+def get_task_stats(services: Wired, name: str) -> Response:
     """Success rates of the task's predictions by model and configuration, most reliable first.
 
-    They count outcomes that robots reported; the interval is Wilson's, 95 %. A sequential test compares each two of
-    the configurations that `compare` names. It may be read after every outcome; stop trying once `may_stop` is true.
-    Decide which to compare before the trials, and try both equally often.
+    They count outcomes that robots reported; the interval is Wilson's, 95 %.
     """
     with services.store.read() as connection:
-        stats = task_stats(connection, name)
-    return JSONResponse(stats_document(name, stats, compare or ()))
+        tasks.get(connection, name)
+        counted = prediction_lists.counts_by_configuration(connection, name)
+    return JSONResponse(stats_document(name, counted))
 
 
 @router.get(

@@ -70,12 +70,6 @@ class UsageOut(BaseModel):
     completion_tokens: int
 
 
-Cost = Annotated[
-    float | None,
-    Field(description="of the tokens, at the price that the service's settings had then; null if they had none"),
-]
-
-
 class SampleOut(BaseModel):
     """One of several replies to a question."""
 
@@ -159,7 +153,6 @@ class PredictionOut(AskedOut):
     actions: list[ActionOut]
     reply_text: str
     usage: UsageOut
-    cost_usd: Cost = None
     samples: Samples = None
 
 
@@ -197,7 +190,6 @@ class StoredPrediction(UnderstoodOut):
     objects: list[ObservedObjectOut]
     cameras: Annotated[list[str], Field(description="names of the cameras whose images were sent")]
     usage: dict[str, int]
-    cost_usd: Cost = None
     timings_ms: dict[str, float]
     samples: Samples = None
     findings: Annotated[list[FindingOut], Field(description="doubts, causes before effects")]

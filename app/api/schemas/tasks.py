@@ -64,15 +64,11 @@ class StandingOut(BaseModel):
     failures: int
     success_rate: Annotated[float | None, Field(description="null if no outcome was reported")]
     interval: Annotated[tuple[float, float], Field(description="Wilson's 95 % interval of the success rate")]
-    cost_usd: Annotated[float | None, Field(description="sum of the known costs; null if none is known")]
-    mean_cost_usd: Annotated[float | None, Field(description="mean of the known costs")]
-    priced: Annotated[int, Field(description="number of predictions whose cost is known")]
 
 
 class ConfigurationOut(StandingOut):
     """A configuration of model and prompt, and how its predictions ended."""
 
-    id: Annotated[str, Field(description="id for the query parameter `compare`")]
     model: str
     representation: str
     prompt_format: str
@@ -80,31 +76,6 @@ class ConfigurationOut(StandingOut):
     num_demonstrations: int
     num_samples: int
     is_yardstick: Annotated[bool, Field(description="true: a baseline that computes replies without an LLM")]
-    llm_ms: Annotated[float | None, Field(description="median duration of the latest replies")]
-    tokens: Annotated[
-        tuple[float, float] | None, Field(description="median numbers of tokens of the latest prompts and replies")
-    ]
-
-
-class ComparisonOut(BaseModel):
-    """Two configurations compared by pairs of outcomes: the k-th of one with the k-th of the other."""
-
-    one: str
-    other: str
-    one_alone: Annotated[int, Field(description="number of pairs in which only `one` succeeded")]
-    other_alone: int
-    alike: int
-    difference: Annotated[
-        tuple[float, float],
-        Field(description="95 % bounds of the rate of `one` minus that of `other`, valid at every number of pairs"),
-    ]
-    evidence: Annotated[
-        float, Field(description="evidence against equal rates; at 20 or more they differ with 95 % confidence")
-    ]
-    may_stop: bool
-    pairs_until_decided: Annotated[
-        int | None, Field(description="estimate of how many more pairs will decide it; null if they may never")
-    ]
 
 
 class TaskStatsOut(StandingOut):
@@ -112,4 +83,3 @@ class TaskStatsOut(StandingOut):
 
     task: str
     configurations: list[ConfigurationOut]
-    comparisons: list[ComparisonOut]

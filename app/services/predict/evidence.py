@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from sqlalchemy import Connection
@@ -77,15 +76,3 @@ def _hand(record: PredictionRecord) -> Pose | None:
     """Return the hand's pose that the request had."""
     hand = record.request.get("end_effector")
     return None if hand is None else Pose(hand["position"], hand["quaternion_xyzw"])
-
-
-def configuration(record: PredictionRecord) -> dict[str, Any]:
-    """Return the options that a prediction was made with, by their names in requests."""
-    asked = ("selection", "seed", "max_actions", "num_samples", "temperature")
-    return {
-        "model": record.model,
-        "representation": record.representation,
-        "prompt_format": record.prompt_format,
-        "num_demonstrations": len(record.demonstration_ids),
-        **{name: record.request[name] for name in asked if name in record.request},
-    }

@@ -124,7 +124,7 @@ def _draft(reply: Reply, status: PredictionStatus, error: str | None, findings: 
         reply_text=reply.text,
         actions=None if error is not None else tuple(item.document for item in reply.actions),
         error=error,
-        usage={} if reply.text is None else {**vars(reply.usage), "cost_usd": reply.cost_usd},
+        usage={} if reply.text is None else dict(vars(reply.usage)),
         timings_ms=dict(timings().ms),
         objects=tuple(map(ObjectRecord.of, question.known.observed)),
         samples=reply.samples,

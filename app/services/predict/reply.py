@@ -58,12 +58,6 @@ class Reply:
         self._deadline_s = time.monotonic() + question.deadline_s
 
     @property
-    def cost_usd(self) -> float | None:
-        """Cost of all replies, if the model's price is known."""
-        price = self.question.known.profile.price
-        return None if price is None else price.cost_usd(self.usage)
-
-    @property
     def findings(self) -> tuple[Finding, ...]:
         actions, question = [item.action for item in self.actions], self.question
         taught, bystanders = question.known.taught, question.known.bystanders

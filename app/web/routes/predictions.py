@@ -1,4 +1,4 @@
-"""What was predicted and how it went: the list, one prediction, several side by side, configurations."""
+"""What was predicted and how it went: the list, and one prediction."""
 
 import re
 from typing import Annotated
@@ -11,18 +11,15 @@ from starlette.responses import Response
 from app.api.routes import Wired
 from app.api.schemas.lists import Filtered
 from app.llm.computed import YARDSTICKS
-from app.services.statistics import task_stats
 from app.store import episodes, prediction_lists, tables, tasks
 from app.store.filters import FATES, PredictionFilter, authors
 from app.store.prediction_lists import ListCursor, ListOrder
 from app.store.records import Fate
 from app.web.page import HEADERS, FormQuery, PageRoute, query_of, render, render_part
-from app.web.prediction_views import compare, over_time, view_prediction
+from app.web.prediction_views import view_prediction
 from roboprompt_client.errors import InvalidInputError
 
 PAGE_SIZE = 50
-MAX_COMPARED = 8
-NUM_OTHERS = 20  # to compare with
 _CURSOR = re.compile(r"(\d{1,2})\.(\d{1,18})", re.ASCII)
 Text = Annotated[str, Field(max_length=200)]
 router = APIRouter(route_class=PageRoute)
@@ -71,7 +68,6 @@ def predictions_page(request: Request, services: Wired, listed: Annotated[_Liste
         models=[name for name in models if name not in YARDSTICKS],
         measures=[name for name in models if name in YARDSTICKS],
         yardsticks=yardsticks,
-        most_compared=MAX_COMPARED,
         fates=FATES,
     )
 
@@ -84,52 +80,13 @@ def _cursor(text: str) -> ListCursor | None:
     return ListCursor(int(match[1]), int(match[2]))
 
 
-@router.get("/ui/predictions/configurations")
-def configurations_page(
-    request: Request,
-    services: Wired,
-    task: Annotated[str, Query(max_length=200)] = "",
-    ids: Annotated[list[str] | None, Query(alias="compare")] = None,
-) -> Response:
-    """The success of each configuration, and a comparison of the chosen ones."""
-    with services.store.read() as connection:
-        stats = task_stats(connection, task or None)
-        names = list(tasks.counts(connection))
-    return render(
-        request,
-        "configurations.html",
-        task=task,
-        names=names,
-        stats=stats,
-        chosen=ids or (),
-        comparisons=stats.comparisons(ids or ()),
-        over_time={item.configuration: over_time(item.outcomes) for item in stats.standings},
-    )
-
-
-@router.get("/ui/predictions/compare")
-def compare_page(
-    request: Request, services: Wired, ids: Annotated[list[str] | None, Query(alias="id")] = None
-) -> Response:
-    """Predictions and their configurations side by side."""
-    if ids is None or not 2 <= len(ids) <= MAX_COMPARED or len(set(ids)) < len(ids):
-        valid = f"?id=ONE&id=OTHER, at most {MAX_COMPARED}"
-        raise InvalidInputError("id", f"does not name 2 to {MAX_COMPARED} different predictions", valid)
-    with services.store.read() as connection:
-        compared = compare(connection, [view_prediction(connection, services.known, id_) for id_ in ids])
-    return render(request, "compare.html", compared=compared)
-
-
 @router.get("/ui/predictions/{prediction_id}")
 def prediction_page(request: Request, services: Wired, prediction_id: str) -> Response:
     """One prediction: what was asked, what came, what deserves a look."""
     with services.store.read() as connection:
         view = view_prediction(connection, services.known, prediction_id)
-        of_task = PredictionFilter(task=view.record.task)
-        others = prediction_lists.list_page(connection, of_task, "newest", NUM_OTHERS).items
         corrections = episodes.corrections_of(connection, prediction_id)
-    others = tuple(item for item in others if item.id != prediction_id)
-    return render(request, "prediction.html", view=view, others=others, corrections=corrections)
+    return render(request, "prediction.html", view=view, corrections=corrections)
 
 
 @documents.get("/ui/predictions/{prediction_id}/result")

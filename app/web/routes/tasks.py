@@ -82,6 +82,7 @@ def task_page(request: Request, services: Wired, name: str, applied: bool = Fals
         others = () if YARDSTICKS.issuperset(prediction_lists.models(connection)) else tuple(YARDSTICKS)
         of_task = PredictionFilter(task=name, without_models=others)
         asked = prediction_lists.list_page(connection, of_task, "newest", MAX_DRAWN).items
+        success = prediction_lists.counts_by_configuration(connection, name)
     newest = next(iter(newer), None)
     pictured = next((record for record in newer if any(camera.has_rgbd for camera in record.cameras)), None)
     settings = TaskSettings.model_validate(task.settings)
@@ -103,6 +104,8 @@ def task_page(request: Request, services: Wired, name: str, applied: bool = Fals
         history=history,
         applied=applied,
         num_shown=len(newer),
+        success=success,
+        yardsticks=YARDSTICKS,
         fates=Counter(item.fate for item in asked),
         scene=scene(workspace, () if newest is None else newest.objects, (), shown=shown, asked=asked),
     )

@@ -15,12 +15,6 @@ export function showMotion(view, scene) {
   mountPlayer(view, scene.play);
 }
 
-/** Let the players of these views follow each other. */
-export function link(views) {
-  const linked = [...views].map((view) => players.get(view)).filter(Boolean);
-  for (const player of linked) player.partners = linked.filter((other) => other !== player);
-}
-
 /** Show the moment `time_s` of the motion that `view` plays. */
 export const seekTo = (view, time_s) => players.get(view).seek(time_s);
 
@@ -44,7 +38,7 @@ export function mountPlayer(view, motion, marks_s = motion?.marks_s ?? []) {
 class Player {
   constructor(view, motion, marks_s) {
     [this.view, this.motion, this.marks_s, this.end_s] = [view, motion, marks_s, motion.times_s.at(-1)];
-    [this.time_s, this.written_ms, this.speed, this.playing, this.partners, this.beside] = [0, 0, 1, false, [], null];
+    [this.time_s, this.written_ms, this.speed, this.playing, this.beside] = [0, 0, 1, false, null];
     this.toggle = element("button", { type: "button", className: "play" });
     this.scrubber = element("input", { type: "range", min: 0, max: this.end_s, step: 0.01, ariaLabel: "Moment of the motion" });
     this.clock = element("span", { className: "mono clock" });
@@ -100,16 +94,15 @@ class Player {
     });
   }
 
-  seek(time_s, led = false, playing = this.playing) {
+  seek(time_s) {
     this.time_s = Math.min(this.end_s, Math.max(0, time_s));
-    if (!led) for (const other of this.partners) other.seek((this.time_s / this.end_s) * other.end_s, true, playing);
     const moment = momentOf(this.motion, this.time_s);
     showMoment(this.view, moment, this.beside && momentOf(this.beside, this.timeBeside()));
     this.timeline.at(this.time_s);
     this.view.dispatchEvent(new CustomEvent("moment", { detail: this.time_s })); // for films
     // Words that change faster than people read them only cost frames.
     const now_ms = performance.now();
-    if (playing && now_ms - this.written_ms < WORDS_MS && this.time_s < this.end_s) return;
+    if (this.playing && now_ms - this.written_ms < WORDS_MS && this.time_s < this.end_s) return;
     this.written_ms = now_ms;
     this.scrubber.value = this.time_s;
     const said = `${this.time_s.toFixed(2)} of ${this.end_s.toFixed(2)} s`;

@@ -13,7 +13,6 @@ const form = byId("ask");
 let filling = Promise.resolve(); // takes one episode's scene after the other
 let running = null; // the AbortController of what runs
 let scene = null;
-let [before, last] = [null, form.dataset.again || null]; // ids of predictions
 
 function draw() {
   byId("space").hidden = false;
@@ -82,19 +81,13 @@ async function showPrompt(body, signal) {
   mountPlayer(byId("space-view"), null);
 }
 
-/** The links and the result; the prediction that was asked for before, on this page or on the way to it, to compare. */
+/** The link and the result. */
 async function showResult(id) {
-  if (id !== last) [before, last] = [last, id];
   const { verdict, html, scene: found } = await call(`/ui/predictions/${id}/result`);
-  const links = element(
-    "p",
-    { className: "row" },
-    element("a", { className: "button plain", href: `${root}/ui/predictions/${id}` }, "Open this prediction"),
-    ...(before ? [element("a", { className: "button plain", href: `${root}/ui/predictions/compare?id=${before}&id=${id}` }, "Beside the one before")] : []),
-  );
+  const link = element("a", { className: "button plain", href: `${root}/ui/predictions/${id}` }, "Open this prediction");
   byId("coming").hidden = true;
   byId("verdict").innerHTML = verdict;
-  byId("verdict").prepend(links);
+  byId("verdict").prepend(element("p", {}, link));
   byId("result").innerHTML = html;
   listenForOutcome(byId("verdict"), async (success) => {
     await showResult(id);
@@ -110,22 +103,6 @@ async function showResult(id) {
 function lookAtAnswer() {
   byId("answer").focus({ preventScroll: true });
   byId("answer").scrollIntoView();
-}
-
-/** Ask the other chosen models the same, one after the other, and open all answers side by side. */
-async function askOthers(body, signal) {
-  const models = [...form.querySelectorAll("[name=also]:checked")].map((box) => box.value).filter((name) => name !== form.elements.model.value);
-  const ids = [last];
-  for (const model of models) {
-    say(byId("state"), "busy", `Asking ${model}…`);
-    try {
-      ids.push((await call("/predict", { method: "POST", signal, ...body({ model }) })).id);
-    } catch (error) {
-      if (!error.problem?.prediction_id) throw error;
-      ids.push(error.problem.prediction_id); // a reply that is no list of actions was recorded, too
-    }
-  }
-  if (models.length) location.assign(`${root}/ui/predictions/compare?${ids.map((id) => `id=${id}`).join("&")}`);
 }
 
 async function ask(body, signal) {
@@ -169,13 +146,7 @@ form.addEventListener("submit", async (event) => {
   const body = await read();
   if (!body) return;
   await busy("Writing the prompt…", async (signal) => {
-    try {
-      await ask(body, signal);
-    } catch (error) {
-      if (!error.problem?.prediction_id) throw error;
-      await failed(error);
-    }
-    await askOthers(body, signal);
+    await ask(body, signal);
   });
 });
 byId("show").addEventListener("click", async () => {

@@ -7,7 +7,6 @@ import { numbers, words, wrong } from "./fields.js";
 const PART = /^((?:rgb|depth|mask)_.+)\.(?:png|jpe?g|npy)$/i;
 const SETTINGS = ["model", "representation", "prompt_format", "system_prompt", "selection", "unfamiliar"];
 const NUMBERS = ["num_demonstrations", "seed", "max_actions", "timeout_s", "num_samples", "temperature"];
-const MOST_OTHERS = 7; // beside the first, which a page shows side by side
 const taken = new Map(); // images taken from an episode, by the name of their part
 
 const edited = new Set(); // fields that a person changed since an episode was chosen: what is typed stays
@@ -122,7 +121,6 @@ function documentOf(form) {
   };
   for (const name of SETTINGS) if (form.elements[name].value) found[name] = form.elements[name].value;
   for (const name of NUMBERS) if (form.elements[name].value) found[name] = form.elements[name].valueAsNumber;
-  if (form.querySelectorAll("[name=also]:checked").length > MOST_OTHERS) throw wrong("models", "are too many to compare", `at most ${MOST_OTHERS} others`);
   const ids = words(form.elements.episode_ids.value);
   if (ids.length) found.episode_ids = ids;
   const arm = form.elements.end_effector.value.trim();

@@ -74,7 +74,6 @@ def url(tmp_path_factory, provider_address):
         "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([SCRIPTED_REPLY]),
         "ROBOPROMPT_DEFAULT_MODEL": "embedded/gemma-3-270m",
         "ROBOPROMPT_WARM_UP": "false",
-        "ROBOPROMPT_PRICES": json.dumps({"nearest": {"prompt": 2, "completion": 10}}),
         "ROBOPROMPT_COMPATIBLE_BASE_URL": f"{provider_address}",
     }
     with killable_server(tmp_path_factory.mktemp("lab"), {**WITHOUT_KEYS, **environment}, "--workers", "2") as (

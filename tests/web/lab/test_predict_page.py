@@ -97,18 +97,6 @@ def test_a_reply_that_is_no_list_of_actions_is_reported(page):
     assert page.locator("#part-reply pre").inner_text() == "I would rather not move today."
 
 
-def test_several_models_are_asked_and_their_answers_stand_side_by_side(page):
-    page.goto("/ui/predict?task=pick")
-    page.get_by_text("Other models, too").click()
-    page.get_by_role("checkbox", name="scripted").check()
-    page.expected_refusals = [502]  # it would rather not move
-    predict(page, "regression")
-    page.wait_for_url("**/ui/predictions/compare?*")
-    one, other = page.locator(".pair .card").all_inner_texts()
-    assert "regression" in one
-    assert "the reply has 0 lists of actions" in other
-
-
 def test_an_error_names_the_field(page):
     page.goto("/ui/predict?task=pick")
     quaternion = page.get_by_label("quaternion x y z w (may be empty)", exact=True)

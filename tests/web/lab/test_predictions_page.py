@@ -97,7 +97,7 @@ def test_the_path_has_a_row_for_each_action(page, http, seeded):
         http.put("/tasks/pick", json={"arm": None, "robot_base": [0, 0, 0]})
 
 
-def test_page_api_and_comparison_show_the_same_findings(page, http, seeded):
+def test_page_and_api_show_the_same_findings(page, http, seeded):
     """One for each cause: the actions that follow from a far cube are one of them."""
     kept = http.get(f"/predictions/{seeded['failure']}").json()["findings"]
     assert [finding["code"] for finding in kept] == ["object-beyond-demonstrations", "unsupported-action"]
@@ -107,8 +107,6 @@ def test_page_api_and_comparison_show_the_same_findings(page, http, seeded):
     for finding, text in zip(kept, shown.all_inner_texts(), strict=True):
         assert finding["message"] in text
         assert finding["severity"] in text
-    page.goto(f"/ui/predictions/compare?id={seeded['failure']}&id={seeded['success']}")
-    assert page.locator(".findings strong").all_inner_texts() == [finding["code"] for finding in kept]
 
 
 def test_a_prediction_shows_what_was_asked_and_what_came(page, seeded):
@@ -181,37 +179,11 @@ def test_an_outcome_is_reported_with_a_note(page, http):
     assert http.get(f"/predictions/{id_}").json()["outcome"]["note"] == "dropped it"
 
 
-def test_several_are_compared(page, http, seeded):
-    third = ask(http, success=False, model="regression", seed=7)
-    page.goto("/ui/predictions?task=pick&demonstrations=4&yardsticks=true")
-    for id_ in (seeded["success"], seeded["failure"], third):
-        page.locator(f"input[value='{id_}']").check()
-    page.get_by_role("button", name="Compare the chosen").first.click()
-    page.wait_for_url("**/compare?**")
-    differing = page.locator("tr.differs th").all_inner_texts()
-    assert [name.split()[0] for name in differing] == ["representation", "seed", "place"]
-    assert "48.8 cm from A" in page.get_by_role("row", name="place of cube").inner_text()
-    assert "went beside the cube" in page.locator(".pair > .card").filter(has_text="went beside").inner_text()
-    rows = page.get_by_role("region", name="Table of the actions of each").get_by_role("row")
-    assert rows.count() == 4
-    assert rows.nth(1).get_by_text("from A").count() == 2
-    page.get_by_label("Moment of the motion").first.press("End")
-    for clock in page.locator(".clock").all_inner_texts():
-        assert clock.split()[0] == clock.split()[2], "both play together"
-
-
-@pytest.mark.parametrize("number", [1, 2])
-def test_one_alone_is_not_compared(page, seeded, number):
-    page.expected_refusals = [422]
-    page.goto("/ui/predictions/compare?" + "&".join([f"id={seeded['failure']}"] * number))
-    assert "does not name 2 to 8 different predictions" in page.get_by_role("alert").inner_text()
-
-
-def test_configurations_are_counted(page):
+def test_success_is_counted_by_model_and_settings(page):
     page.goto("/ui/predictions?task=pick")
-    page.get_by_role("link", name="Success of each model and configuration").click()
-    page.wait_for_url("**/configurations?task=pick")
-    table = page.get_by_role("table", name="Success by configuration")
+    page.get_by_role("link", name="Success of each model").click()
+    page.wait_for_url("**/ui/tasks/pick#success")
+    table = page.get_by_role("table", name="Success by model and settings")
     row = table.get_by_role("row").filter(has_text="regression").filter(has_text="object_frame")
     assert "100" in row.locator("td[data-label=Success]").inner_text()
     assert row.locator("td[data-label=Interval]").inner_text() == "21\N{EN DASH}100\N{NO-BREAK SPACE}%"
@@ -220,42 +192,11 @@ def test_configurations_are_counted(page):
     assert fates(page) == ["succeeded"]
 
 
-def test_several_configurations_are_compared(page, http, seeded):
-    for success in (True, True, False):
-        priced = ask(http, success=success, model="nearest")
-        ask(http, success=not success, model="nearest", num_demonstrations=3)
-    page.goto("/ui/predictions/configurations?task=pick")
-    for box in page.get_by_label("Compare nearest").all():
-        box.check()
-    page.get_by_label("Compare regression").first.check()
-    page.get_by_role("button", name="Compare the chosen").click()
-    page.wait_for_url("**compare=**compare=**")
-    rows = page.get_by_role("table", name="Configurations by pairs").locator("tbody tr")
-    assert rows.count() == 3
-    usage, cost_usd = (http.get(f"/predictions/{priced}").json()[name] for name in ("usage", "cost_usd"))
-    assert cost_usd == pytest.approx((2 * usage["prompt_tokens"] + 10 * usage["completion_tokens"]) / 1e6)
-    assert http.get(f"/predictions/{seeded['success']}").json()["cost_usd"] is None
-    stats = http.get("/tasks/pick/stats").json()
-    assert stats["cost_usd"] == pytest.approx(stats["priced"] * stats["mean_cost_usd"])
-    costs = rows.locator("td[data-label^=Cost]").all_inner_texts()
-    assert sorted(text.count("$") for text in costs) == [1, 1, 2]
-    among = rows.filter(has_text="first 4").filter(has_text="first 3").first.inner_text()
-    assert "not yet" in among
-    assert "about" in among or "no difference so far" in among
-
-
 @pytest.mark.parametrize(("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.long), ("dark", 375)])
 def test_all_can_be_read_by_everyone(page, seeded, check_accessibility, scheme, width):
     page.emulate_media(color_scheme=scheme)
     page.set_viewport_size({"width": width, "height": 800})
-    pair = f"id={seeded['failure']}&id={seeded['success']}"
-    for address in (
-        "",
-        "?outcome=success&model=scripted",
-        f"/{seeded['failure']}",
-        f"/compare?{pair}",
-        "/configurations?task=pick",
-    ):
+    for address in ("", "?outcome=success&model=scripted", f"/{seeded['failure']}"):
         page.goto(f"/ui/predictions{address}")
         check_accessibility(page)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), address
