@@ -22,7 +22,6 @@ from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
 from app.pipeline.steps.reading import read_steps
 from app.pipeline.steps.skills import Skill, TasksOfScene
-from app.services.english import is_english
 
 ASKED = Path(__file__).with_suffix(".json")
 RIGHT, REFUSED, UNCLEAR, WRONG = "right", "refused rightly", "refused though clear", "wrong"
@@ -48,10 +47,10 @@ def answers(rooms: dict[str, Any]) -> Iterator[Answer]:
     """Yield the outcome of every request."""
     for name, room in rooms.items():
         skills = [
-            Skill(task, TaughtWords(taught["objects"], {}, taught["instructions"], is_english))
+            Skill(task, TaughtWords(taught["objects"], {}, taught["instructions"]))
             for task, taught in room["tasks"].items()
         ]
-        scene = TasksOfScene(room["objects"], {}, skills, is_english)
+        scene = TasksOfScene(room["objects"], {}, skills)
         places_m = {name: np.array(place_m) for name, place_m in room.get("places_m", {}).items()}
         layout = Layout(places_m, np.zeros(3)) if places_m else None
         for ask in [*room["asks"], *({"said": said, "plans": []} for said in room["refused"])]:

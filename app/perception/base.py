@@ -14,7 +14,7 @@ from app.perception.object_model import ObjectModel, ObjectModelError
 from app.pipeline.alike import Alike, numbered
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import RgbdFrame
-from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.names import checked_object_name
 from roboprompt_client.types.poses import ObjectPose
 
 M = TypeVar("M", bound=ObjectModel)
@@ -39,7 +39,7 @@ class ObjectQuery:
     model: ObjectModel | None = None
 
     def __post_init__(self) -> None:
-        checked_name("objects.name", self.name)
+        checked_object_name("objects.name", self.name)
         if self.quaternion_xyzw is not None and self.position_m is None:
             raise InvalidInputError(f"objects[{self.name}].quaternion_xyzw", "has no position beside it", "both")
 

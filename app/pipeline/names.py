@@ -11,7 +11,7 @@ from app.pipeline.order import vocabulary
 from app.pipeline.order.forms import plurals_of, singulars_of
 from app.pipeline.order.words import folded_characters, phrase_of
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.names import checked_object_name
 
 _SEPARATORS = re.compile(r"[\s_\-\u2010\u2011]+")
 
@@ -63,10 +63,10 @@ def checked_aliases(aliases: Mapping[str, Sequence[str]]) -> dict[str, tuple[str
     """
     owners = {form: name for name in aliases for form in _singular_and_plurals(name)}
     for name, words in aliases.items():
-        checked_name("aliases", name)
+        checked_object_name("aliases", name)
         for word in words:
             field = f"aliases[{name}]"
-            forms = _singular_and_plurals(checked_name(field, word))
+            forms = _singular_and_plurals(checked_object_name(field, word))
             owner = next((owners[form] for form in forms if owners.get(form, name) != name), name)
             owners |= dict.fromkeys(forms, owner)
             if owner != name:

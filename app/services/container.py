@@ -6,7 +6,6 @@ import anyio.to_thread
 from app.llm.base import ModelProfile
 from app.llm.registry import ModelRegistry
 from app.services.api_keys import KeyRing, Sessions
-from app.services.english import is_english
 from app.services.limits import Limits
 from app.services.measures import Metrics
 from app.services.poses import PoseServers
@@ -56,7 +55,6 @@ class Services:
         self.known = KnownReader(store, self._profile_of, self.pose_servers)
         self.prefix_warmer = PrefixWarmer(store, models, self.known, num_warm_tasks)
         parts = (store, models, self.known, self.limits, self.prefix_warmer)
-        is_english("")  # reads its list now, so that no request waits for it
         self.upload_episode = UploadEpisode(store, self.pose_servers)
         self.configure_task = ConfigureTask(store, self.pose_servers, extract_at_once)
         self.label_objects = LabelObjects(store)

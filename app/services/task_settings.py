@@ -43,7 +43,7 @@ from roboprompt_client.arms.named import named_geometry
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.names import checked_object_name
 from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, Trajectory
 
@@ -73,7 +73,10 @@ def _known_estimator(name: str) -> str:
 def _known_models(models: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """The models with every field, those left out at their defaults."""
     json.dumps(models, allow_nan=False)
-    return {checked_name("object_models", name): model_from_json(name, item).as_json() for name, item in models.items()}
+    return {
+        checked_object_name("object_models", name): model_from_json(name, item).as_json()
+        for name, item in models.items()
+    }
 
 
 def _symmetry(degrees: float) -> float:

@@ -18,7 +18,6 @@ from rich.console import Console
 from app.pipeline.errors import InstructionError
 from app.pipeline.order.reading import read
 from app.pipeline.order.taught import TaughtWords
-from app.services.english import is_english
 from benchmarks.libero.scene import called
 
 PACKAGES = next(Path("benchmarks/libero/.venv/lib").glob("python*/site-packages"), Path("not installed"))
@@ -51,7 +50,7 @@ class Task(NamedTuple):
 
 def outcomes(task: Task, texts: list[str]) -> Iterator[tuple[str, str, str]]:
     """Yield for each text what it is taken for (the taught instruction, another, or nothing), and as what or why."""
-    words = TaughtWords(task.names, {}, [task.instruction], is_english)
+    words = TaughtWords(task.names, {}, [task.instruction])
     for text in texts:
         try:
             order = read(text, words)

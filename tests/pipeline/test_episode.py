@@ -6,7 +6,7 @@ import pytest
 from app.pipeline.episode import Episode, frame_times_s
 from roboprompt_client.errors import InvalidInputError, RoboPromptError
 from roboprompt_client.types.arrays import finite_array, unit_quaternions
-from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.names import checked_object_name
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 from roboprompt_client.types.trajectory import Trajectory
 
@@ -126,11 +126,30 @@ def test_a_slightly_long_quaternion_is_normalized_once():
 
 
 @pytest.mark.parametrize(
-    "name", ["", " a", "a ", "a\n", "a\nb", "it's", 'a"b', "a;b", "a:b", "}>[[", "a{", "café", "-a", "a.", "x" * 65]
+    "name",
+    [
+        "",
+        " a",
+        "a ",
+        "a\n",
+        "a\nb",
+        "it's",
+        'a"b',
+        "a;b",
+        "a:b",
+        "}>[[",
+        "a{",
+        "a\u0301\u200b",
+        "\u0301a",
+        "\uff1ca",
+        "-a",
+        "a.",
+        "x" * 65,
+    ],
 )
 def test_bad_names(name):
     with pytest.raises(InvalidInputError) as caught:
-        checked_name("objects.name", name)
+        checked_object_name("objects.name", name)
     assert caught.value.field == "objects.name"
 
 

@@ -12,7 +12,7 @@ from app.pipeline.episode import Query
 from app.pipeline.prompt import PromptTemplate
 from app.pipeline.representation import fit_codec
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.names import INSTRUCTION_FORBIDDEN, checked_instruction, checked_name
+from roboprompt_client.types.names import INSTRUCTION_FORBIDDEN, checked_instruction, checked_object_name
 
 from .scenes import WORKSPACE, action, demonstration, pose
 
@@ -20,7 +20,7 @@ HOSTILE = [
     "}>[[", "a\nb", "a\rb", "a\u2028b", "a\u2029b", "a\x85b", "a\x0bb", "a\x00b", "x; B cup 1 2 3", "go > 1 A w: +0",
     "[[1, 2]]", "{'cube': 1}", "a\u202eb", "a\u2066b", "a\u200bb", "\U000e0041go", "\ud800", "", "   ", "x" * 501,
 ]  # fmt: skip
-ALPHABET = string.ascii_letters + string.digits + " _.-"
+ALPHABET = string.ascii_letters + string.digits + " _.-éß红钮लाボ٣"
 NAMES = st.text(ALPHABET, min_size=1, max_size=12)
 ANY_TEXT = st.text(max_size=60) | st.text(ALPHABET + "'\",:A1{}[]<>;\n\u2028", max_size=30)
 
@@ -30,7 +30,7 @@ def test_what_would_break_the_structure_is_refused(text):
     with pytest.raises(InvalidInputError, match="not a valid instruction"):
         checked_instruction("instruction", text)
     with pytest.raises(InvalidInputError, match="not a valid name"):
-        checked_name("objects.name", text)
+        checked_object_name("objects.name", text)
 
 
 PERSIAN = "\u0645\u06cc\u200c\u062e\u0648\u0627\u0647\u0645"  # with a joiner, as it is spelled
@@ -58,7 +58,7 @@ def test_what_is_taken_is_visible_and_on_one_line(text):
 def accepted(names, instruction):
     """The names and the instruction if they are valid; otherwise another example is taken."""
     try:
-        checked = [checked_name("objects.name", name) for name in names]
+        checked = [checked_object_name("objects.name", name) for name in names]
         return checked, checked_instruction("instruction", instruction)
     except InvalidInputError:
         assume(False)

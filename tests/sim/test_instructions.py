@@ -4,7 +4,6 @@ import pytest
 
 from app.pipeline.order.reading import read
 from app.pipeline.order.taught import TaughtWords
-from app.services.english import is_english
 from app.sim.tasks import ALL_TASKS, TASKS, make_task
 
 MAX_VARIATIONS = 100  # of a task; they are drawn evenly
@@ -13,7 +12,7 @@ MAX_VARIATIONS = 100  # of a task; they are drawn evenly
 def words_of(name):
     task = ALL_TASKS[name]
     taught = [make_task(name, 0, k).instruction for k in range(task.variations)]
-    return TaughtWords(task.object_names, {}, taught, is_english), taught
+    return TaughtWords(task.object_names, {}, taught), taught
 
 
 @pytest.mark.parametrize("name", TASKS)

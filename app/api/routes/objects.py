@@ -41,7 +41,7 @@ from app.store.blobs import BlobStore
 from app.store.labels import LabelRecord
 from app.store.values import JsonObject
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.names import checked_object_name
 
 router = APIRouter(route_class=UniqueKeysRoute)
 LABELS: list[str | Enum] = ["labels"]
@@ -199,7 +199,7 @@ def label_document(record: LabelRecord) -> JsonObject:
 def _draft(task: str, body: Body, limits: Limits) -> LabelDraft:
     """A label, checked and decoded."""
     asked = LabelBody.model_validate(body.document)
-    checked_name("object", asked.object)
+    checked_object_name("object", asked.object)
     if (asked.episode_id is None) != bool(asked.cameras):
         remedy = "episode_id, or cameras with their images"
         raise InvalidInputError("episode_id", "and cameras are both given, or neither is", remedy)

@@ -96,7 +96,7 @@ class GroundingOut(BaseModel):
 
     phrase: str
     object: str
-    by: Literal["name", "alias", "spelling", "color", "relation", "taught", "llm"]
+    by: Literal["name", "alias", "color", "relation", "taught", "llm"]
 
 
 class UnderstoodOut(BaseModel):

@@ -19,7 +19,7 @@ from app.perception.object_model import (
     Share,
 )
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.names import checked_object_name
 
 Degrees = Annotated[Number, Field(ge=0, le=360)]
 Shape = Literal["box", "cylinder"]
@@ -92,7 +92,7 @@ class Rank(Checked):
     def __post_init__(self) -> None:
         if self.number > self.of:
             raise InvalidInputError("number", f"is {self.number}", f"1..{self.of}, as many as there are")
-        checked_name("nearest_to", self.nearest_to)
+        checked_object_name("nearest_to", self.nearest_to)
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class CuboidModel(ObjectModel):
         if self.shape == "cylinder" and not math.isclose(self.size_m[0], self.size_m[1]):
             raise InvalidInputError("size_m", f"is {list(self.size_m)}", "[diameter, diameter, height] of a cylinder")
         if self.away_from is not None:
-            checked_name("away_from", self.away_from)
+            checked_object_name("away_from", self.away_from)
         elif any(self.origin_m[:2]):
             remedy = "x = y = 0, or away_from to tell the yaws apart that look alike"
             raise InvalidInputError("origin_m", f"is {list(self.origin_m)}", remedy)

@@ -87,7 +87,7 @@ class ClauseParser:
             if (end := self._text.end(at, vocabulary.THEN)) is not None:
                 kinds.add("then")
                 at = end
-            elif text in ("and", "but", ",", ".", ";") or (text == "?" and self._is_all_asked(at + 1)):
+            elif text in ("and", "but", ",", ".", ";"):
                 kinds.add(text if text in ("and", "but", ",") else "stop")
                 at += 1
             elif self._of_steps and text in vocabulary.ORDERING:
@@ -108,15 +108,6 @@ class ClauseParser:
         with_article = tuple(self._text.at(each.start) in vocabulary.DETERMINERS for each in (first, last))
         nouns = first.with_noun, last.with_noun
         return with_article == (True, False) and nouns == (False, True) and not last.plural
-
-    def _is_all_asked(self, at: int) -> bool:
-        """Return whether nothing but punctuation and fillers ("thanks") follows."""
-        while text := self._text.at(at):
-            end = at + 1 if text in vocabulary.MARKS else self._text.end(at, vocabulary.FILLERS)
-            if end is None:
-                return False
-            at = end
-        return True
 
     def _may_end(self, at: int) -> bool:
         separated = self._text.at(at) in ("", "again") or self.separator(at)[0] > at
@@ -154,7 +145,7 @@ class ClauseParser:
     def _has_form(self, at: int, base: str, *, passive: bool) -> bool:
         """Return whether the verb is an imperative; in a taught instruction any form is accepted."""
         word = self._text.words[at]
-        if self._fixed is None or passive or word.corrected or word.token.text == base:
+        if self._fixed is None or passive or word.token.text == base:
             return True
         return word.token.text.endswith("ing") and at > 0 and self._text.at(at - 1) in vocabulary.BEFORE_GERUND
 
@@ -196,7 +187,7 @@ class ClauseParser:
         if word is None or word.text in vocabulary.NEVER_FIXED or not word.text[0].isalnum():
             return
         # as written, for "blocks" differs from "block"
-        said = word.text if word.corrected or word.text in NUMBERS.values() else word.token.text
+        said = word.text if word.text in NUMBERS.values() else word.token.text
         if self._fixed is None or self._fixed.issuperset((f"{role}:", said) if role else (said,)):
             yield clause.with_fixed(role, said), start + 1
         elif returns and not role:

@@ -9,7 +9,7 @@ from app.pipeline.order.vocabulary import ADJECTIVES, PLACE_ADJECTIVES
 from app.pipeline.order.words import noun_of
 
 # How a phrase was matched to an object, by decreasing certainty. An answer reports the least certain of several.
-MEANS = ("name", "alias", "taught", "spelling", "color", "relation")
+MEANS = ("name", "alias", "taught", "color", "relation")
 
 
 class NounPhrase(NamedTuple):

@@ -1,4 +1,4 @@
-"""Regular forms of words: plurals of nouns; pushes, pushing and pushed of "push"."""
+"""Regular forms of English words: plurals of nouns; pushes, pushing and pushed of "push"."""
 
 import re
 
@@ -7,8 +7,12 @@ from app.pipeline.order.verbs import FIRST_WORDS, HOLDING, IRREGULAR, REACHING
 
 def plurals_of(singular: str) -> set[str]:
     """The regular plurals of a word."""
-    plurals = {f"{singular}s", f"{singular}es"}
-    for ending, plural in (("y", "ies"), ("f", "ves"), ("fe", "ves")):
+    if singular.endswith(("s", "x", "z", "ch", "sh")):
+        return {f"{singular}es"}
+    if re.search("[^aeiou]y$", singular):
+        return {f"{singular[:-1]}ies"}
+    plurals = {f"{singular}s"}
+    for ending, plural in (("o", "oes"), ("f", "ves"), ("fe", "ves")):
         if singular.endswith(ending):
             plurals.add(singular.removesuffix(ending) + plural)
     return plurals
@@ -17,15 +21,19 @@ def plurals_of(singular: str) -> set[str]:
 def singulars_of(plural: str) -> set[str]:
     """The words that may have it as a regular plural."""
     endings = (("s", ""), ("es", ""), ("ies", "y"), ("ves", "f"), ("ves", "fe"))
-    return {plural.removesuffix(ending) + singular for ending, singular in endings if plural.endswith(ending)}
+    found = {plural.removesuffix(ending) + singular for ending, singular in endings if plural.endswith(ending)}
+    return {singular for singular in found if plural in plurals_of(singular)}
 
 
 def verb_forms(verb: str) -> set[str]:
     """The regular forms of a verb's base form: pushes, pushing, pushed; placing, tapped, carries."""
     short = verb[:-1] if verb.endswith("e") else verb
-    doubled = verb + verb[-1] if re.fullmatch(r".*[^aeiou][aeiou][bdgmnpt]", verb) else short
-    past = f"{verb[:-1]}ied" if verb.endswith("y") else f"{doubled}ed"
-    return plurals_of(verb) | {f"{short}ing", f"{doubled}ing", past, f"{short}ed"}
+    past = f"{verb[:-1]}ied" if re.search("[^aeiou]y$", verb) else f"{short}ed"
+    forms = plurals_of(verb) | {f"{short}ing", past}
+    if re.fullmatch(r".*[^aeiou][aeiou][bdgmnprt]", verb):
+        one_syllable = re.fullmatch(r"(?:un)?[^aeiou]*[aeiou].", verb)  # "taping" is no form of "tap"
+        forms = {f"{verb}s", *(set() if one_syllable else forms), f"{verb}{verb[-1]}ing", f"{verb}{verb[-1]}ed"}
+    return forms
 
 
 # The base form of each form of a verb

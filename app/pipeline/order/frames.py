@@ -10,7 +10,7 @@ from functools import cached_property
 
 from app.pipeline.order.clause_parser import Accepted
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, SOURCE, ParsedClause, fits
-from app.pipeline.order.lexicon import Lexicon, TooInvolvedError
+from app.pipeline.order.lexicon import Lexicon
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Clause, Mention, Order
 from app.pipeline.order.sentences import Sentences
@@ -154,7 +154,13 @@ def _called(name: str, before: str, was: str, names: Sequence[str], whole: bool)
 
 
 def frames_of(instruction: str, lexicon: Lexicon) -> tuple[Frame, ...]:
-    """Return the frames of a taught instruction's clauses; empty if the grammar does not parse one of them."""
+    """Return the frames of a taught instruction's clauses; empty if it is not English or one of them has no parse.
+
+    Raises:
+        TooInvolvedError: naming the instruction, if its parse takes too many steps.
+    """
+    if not lexicon.is_english(instruction):
+        return ()
     whole = Order(instruction, lexicon.names)
     parts = [(part, _parsed(part, lexicon)) for part in whole.clauses]
     if any(phrase.name is None for _, clauses in parts for clause in clauses for phrase in clause.phrases):
@@ -191,10 +197,7 @@ def _parsed(said: Clause, lexicon: Lexicon) -> tuple[ParsedClause, ...]:
     """
     accepted = Accepted(taught_verbs([said.text], lexicon), fixed=None)
     sentences = Sentences(NounPhrases(said.text, lexicon, None), accepted)
-    try:
-        read = [form for forms in sentences.readings() for form in forms]
-    except TooInvolvedError:
-        return ()
+    read = [form for forms in sentences.readings() for form in forms]
     objects = set(said.objects)
     fitting = [
         form

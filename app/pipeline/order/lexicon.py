@@ -1,6 +1,7 @@
 """The words of one task, and the words of an instruction looked up among them."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -9,7 +10,7 @@ from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.order import verbs, vocabulary
 from app.pipeline.order.forms import VERB_FORMS, plurals_of, singulars_of
 from app.pipeline.order.vocabulary import FUNCTION_WORDS, NUMBERS, Phrase, PhraseTable
-from app.pipeline.order.words import IsWord, Speller, Token, noun_of, phrase_of, tokens_of
+from app.pipeline.order.words import Token, noun_of, phrase_of, tokens_of
 
 MAX_STEPS = 4000  # of one parse; an instruction that needs more is refused as too involved
 _NOUNS = vocabulary.GENERIC_NOUNS.union(*vocabulary.NOUN_KINDS)
@@ -25,14 +26,12 @@ class Word(NamedTuple):
     Attributes:
         text: its base form; the token's own text if it is unknown.
         known: whether the lexicon has it.
-        corrected: whether its spelling was corrected.
         plural: whether the token is the plural of `text`.
     """
 
     token: Token
     text: str
     known: bool = True
-    corrected: bool = False
     plural: bool = False
 
 
@@ -43,7 +42,6 @@ class Lexicon:
         names: the task's objects.
         aliases: by object what else it is called.
         taught: the instructions that demonstrations carry out.
-        is_word: whether a word is English: such a word is taken at its own meaning, never for a misspelled other.
 
     Attributes:
         phrases: what may stand for an object, by object: its name, then its aliases.
@@ -53,9 +51,7 @@ class Lexicon:
         loose: those of the words that may tell an object apart by themselves.
     """
 
-    def __init__(
-        self, names: Sequence[str], aliases: Mapping[str, Sequence[str]], taught: Sequence[str], is_word: IsWord
-    ) -> None:
+    def __init__(self, names: Sequence[str], aliases: Mapping[str, Sequence[str]], taught: Sequence[str]) -> None:
         self.names = tuple(names)
         self.phrases = {name: tuple(map(phrase_of, (name, *aliases.get(name, ())))) for name in names}
         self.name_words = {word for phrases in self.phrases.values() for word in phrases[0]}
@@ -69,11 +65,21 @@ class Lexicon:
         self.called = PhraseTable(called)
         self.loose = self.objects_of.keys() - vocabulary.NEVER_LOOSE
         self._taught = {token.text for text in taught for token in tokens_of(text)}
-        self._is_word = is_word
 
     def read(self, text: str) -> list[Word]:
-        """Return the text's words in base form, corrected where they are misspelled."""
+        """Return the text's words in base form."""
         return [self._word(token) for token in self._compounds(tokens_of(text))]
+
+    def is_english(self, text: str) -> bool:
+        """Return whether a text has the word "the", or no word beyond names and the vocabulary of all tasks."""
+        texts = [token.text for token in self._compounds(tokens_of(text))]
+        return "the" in texts or all(self._listed(text) or text in VERB_FORMS for text in texts)
+
+    def nearest(self, unknown: str) -> str | None:
+        """Return the known word that is spelled most like an unknown one; None if none is similar."""
+        groups: tuple[Iterable[str], ...] = ({*self.objects_of, *self._taught}, verbs.FIRST_WORDS)
+        near = (known for group in groups for known in get_close_matches(unknown, sorted(group), 1))
+        return next(near, None)
 
     def kind_of(self, noun: str) -> frozenset[str]:
         """Return the objects that a synonym of their noun may name: "block" for `red cube`."""
@@ -113,28 +119,28 @@ class Lexicon:
         return found
 
     def _is_compound(self, one: str, other: str) -> bool:
-        joined = one + other
-        return (joined in self.objects_of or joined in self._taught) and None in (self._known(one), self._known(other))
+        joined, parts = one + other, {self._known(one), self._known(other)}
+        known = joined in self.objects_of or joined in self._taught
+        return known and None in parts and FUNCTION_WORDS.isdisjoint(parts)  # "not able" is not "notable"
 
     def _word(self, token: Token) -> Word:
         if (known := self._known(token.text)) is not None:
             return Word(token, known, plural=known in self._nouns and token.text in plurals_of(known))
-        if not token.text[0].isalnum():
-            return Word(token, token.text, known=token.text in FUNCTION_WORDS)
-        right = self._speller.correct(token.text)
-        if right is None:
-            return Word(token, token.text, known=False)
-        return Word(token, self._known(right) or right, corrected=True)
+        return Word(token, token.text, known=False)
 
     def _known(self, text: str) -> str | None:
         """Return the base form of a known word; None for an unknown one."""
+        return self._listed(text) or (text if text in self._taught else VERB_FORMS.get(text))
+
+    def _listed(self, text: str) -> str | None:
+        """Return the base form of a word of names, aliases and tables."""
         if text in self.objects_of:
             return text
         if text in NUMBERS:
             return NUMBERS[text]
-        if nouns := (plurals_of(text) | singulars_of(text)) & self._nouns:
+        if nouns := singulars_of(text) & self._nouns:
             return min(nouns)
-        return text if text in self._exact else VERB_FORMS.get(text)
+        return text if text in self._exact else None
 
     @cached_property
     def _nouns(self) -> frozenset[str]:
@@ -143,16 +149,12 @@ class Lexicon:
     @cached_property
     def _exact(self) -> frozenset[str]:
         described = {*vocabulary.COLORS, *vocabulary.SHADES_OF, *vocabulary.IN_NAMES, *NUMBERS.values()}
-        return FUNCTION_WORDS.union(described, _NOUNS, verbs.PARTICLES, verbs.FIRST_WORDS, self._taught)
+        return FUNCTION_WORDS.union(described, _NOUNS, verbs.PARTICLES, verbs.FIRST_WORDS, *vocabulary.TIMES)
 
     @cached_property
     def _open_compounds(self) -> dict[str, Phrase]:
         pairs = [pair for phrases in self.phrases.values() for phrase in phrases for pair in pairwise(phrase)]
         return {"".join(pair): pair for pair in pairs}
-
-    @cached_property
-    def _speller(self) -> Speller:
-        return Speller((self.objects_of, self._taught, verbs.FIRST_WORDS, self._exact), self._is_word)
 
 
 class Text:
@@ -182,8 +184,13 @@ class Text:
         return self.instruction[self.words[start].token.start : self.words[end - 1].token.end]
 
     @property
+    def unknown(self) -> list[str]:
+        """The words that are not known, as they were written but in lower case."""
+        return [word.text for word in self.words if not word.known and word.text[0].isalnum()]
+
+    @property
     def forbids(self) -> bool:
-        """Whether some words forbid an action: "not", "skip", "instead of"."""
+        """Whether some words forbid something: "not", "skip", "instead of"."""
         tables = (vocabulary.NOT, vocabulary.SKIP, vocabulary.RATHER)
         return any(self.end(place, table) is not None for table in tables for place in range(len(self.texts)))
 

@@ -100,10 +100,7 @@ class NounPhrases:
         at, text = before.end, self.text.at(before.end)
         if not text:
             return
-        means = before.means | ({"spelling"} if self.text.words[at].corrected else set())
-        said = before._replace(
-            end=at + 1, means=means, plural=before.plural or self.text.words[at].plural, nested=False
-        )
+        said = before._replace(end=at + 1, plural=before.plural or self.text.words[at].plural, nested=False)
         yield from self._whole_names(at, said)
         loose = self._lexicon.loose
         number = "1" if text == "one" and said.has_noun else ""  # "mug one"
@@ -126,9 +123,8 @@ class NounPhrases:
         for phrase in self._lexicon.called.all_at(self.text.texts, at) if said.exact is None else ():
             words = self.text.words[at : at + len(phrase)]
             plural = said.plural or any(word.plural for word in words)
-            guessed = {"spelling"} if any(word.corrected for word in words) else set()
             for name, by in self._lexicon.called[phrase]:
-                yield said._replace(end=at + len(phrase), exact=name, plural=plural, means=said.means | guessed | {by})
+                yield said._replace(end=at + len(phrase), exact=name, plural=plural, means=said.means | {by})
 
     def _colored(self, at: int, said: Description) -> Iterator[Description]:
         text = self.text.at(at)

@@ -22,7 +22,6 @@ from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
 from app.pipeline.order.verbs import GOING, STAYING
 from app.pipeline.order.vocabulary import DESTINATIONS
-from app.pipeline.order.words import IsWord
 from roboprompt_client.types.arrays import Array
 
 GOES_TO_M = 0.2  # a hand that closes, opens or is lowest within this of an object's origin may act on it,
@@ -30,7 +29,7 @@ CLEARLY = 2.0  # if all others of its name are so many times as far
 Reading = tuple[int, str, tuple[str, ...]]  # number of clauses, text, names in the order in which a hand goes to them
 
 
-def with_numbers(instruction: str, layout: Layout, acts_m: Array, groups: Sequence[Alike], is_word: IsWord) -> str:
+def with_numbers(instruction: str, layout: Layout, acts_m: Array, groups: Sequence[Alike]) -> str:
     """Return an uploaded instruction with the numbers of objects of one name.
 
     Args:
@@ -42,12 +41,12 @@ def with_numbers(instruction: str, layout: Layout, acts_m: Array, groups: Sequen
     """
     names, called = tuple(layout.positions_m), " or ".join(group.called for group in groups)
     gone = [gone_to(group, layout.positions_m, acts_m) for group in groups]
-    lexicon = Lexicon(names, {}, (), is_word)
+    lexicon = Lexicon(names, {}, ())
     if not any(gone) and not _speaks_of(instruction, lexicon, groups):
         return instruction
     not_meant = {name for group, went in zip(groups, gone, strict=True) if len(went) == 1 for name in group.positions_m}
     by_hand = tuple(name for name in names if name not in not_meant.difference(*gone))
-    read = {*_readings(instruction, lexicon, layout), *_readings(instruction, Lexicon(by_hand, {}, (), is_word), None)}
+    read = {*_readings(instruction, lexicon, layout), *_readings(instruction, Lexicon(by_hand, {}, ()), None)}
     found = [reading for reading in sorted(read) if reading[0] == min(read)[0]]
     valid = f"words of place that say which {called} is meant: {PLACE_EXAMPLE}"
     if len(found) != 1:

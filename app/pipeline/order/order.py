@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from app.pipeline.order.forms import BASE_VERBS
 from app.pipeline.order.vocabulary import DETERMINERS, QUANTIFIERS, SHORT_PREPOSITIONS
+from app.pipeline.order.words import folded_characters, stands_alone, words_of
 
 FIELD = "instruction"  # of requests and uploads
 CLAUSE_SEPARATOR = re.compile(r"\s*,\s*(?:and\s+)?then\s+|\s+(?:and\s+)?then\s+", re.IGNORECASE)
@@ -60,7 +61,7 @@ class Grounding:
     """The object that a phrase of an instruction names.
 
     Attributes:
-        by: name, alias, spelling, color, relation, taught (named by the taught instruction only), or llm.
+        by: name, alias, color, relation, taught (named by the taught instruction only), or llm.
     """
 
     phrase: str
@@ -115,11 +116,13 @@ class Order:
 
     @cached_property
     def mentions(self) -> tuple[Mention, ...]:
-        """Every mention of an object, from left to right; the text has no space around it.
+        """Every mention of an object, from left to right.
 
-        Empty where lower case changes the number of characters, as with some letters of Turkish.
+        Empty where a letter has another number of characters in lower case, as "\u00df" has.
         """
-        return _mentions(self.names, _spaced(self.text)) if len(self.text.lower()) == len(self.text) else ()
+        folded = _folded(self.text)
+        is_aligned = len(folded) == len(self.text) and all(map(str.__eq__, folded, map(_folded, self.text)))
+        return _mentions(self.names, folded) if is_aligned else ()
 
     def placeholder(self, name: str) -> str:
         """Return what stands for the object in `form`, as `<0>`; its name if it is not mentioned."""
@@ -171,15 +174,25 @@ def verb_of(form: str) -> str:
     return next(filter(None, (*known, *passive)), words[0] if words else "")
 
 
+@lru_cache(MAX_REMEMBERED)
+def template_of(text: str, names: tuple[str, ...]) -> str:
+    """Return the text in lower case, with whole names of objects replaced by their place in the order of mention.
+
+    The places stand between characters that no instruction has.
+    """
+    template = _spaced(text)
+    mentions = _whole_names(names, template)
+    objects = list(dict.fromkeys(mention.name for mention in mentions))
+    for start, end, name in reversed(mentions):
+        template = f"{template[:start]}\0{objects.index(name)}\0{template[end:]}"
+    return template
+
+
 def _mentions(names: Sequence[str], text: str) -> tuple[Mention, ...]:
     """Return every mention in `text`, from left to right, without overlap."""
-    found: list[Mention] = []
-    for name in sorted(names, key=len, reverse=True):
-        phrases = _occurrences(_spaced(name), text, name)
-        found += phrases
-        # a name inside a longer name ("cup" in "cup holder") must not count as mentioned
-        for start, end, _ in phrases:
-            text = text[:start] + "\0" * (end - start) + text[end:]
+    found = _whole_names(names, text)
+    for start, end, _ in found:
+        text = text[:start] + "\0" * (end - start) + text[end:]
     for name in set(names) - {mention.name for mention in found}:
         others = {word for other in names if other != name for word in _words(other)}
         by_word = [_occurrences(word, text, name) for word in _words(name) - others]
@@ -188,13 +201,36 @@ def _mentions(names: Sequence[str], text: str) -> tuple[Mention, ...]:
     return tuple(sorted(found))
 
 
+def _whole_names(names: Sequence[str], text: str) -> list[Mention]:
+    """Return every whole name in `text`, from left to right; the longest counts: no "cup" in "cup holder"."""
+    found: list[Mention] = []
+    for name in sorted(names, key=len, reverse=True):
+        phrases = _occurrences(_spaced(name), text, name)
+        found += phrases
+        for start, end, _ in phrases:
+            text = text[:start] + "\0" * (end - start) + text[end:]
+    return sorted(found)
+
+
 def _occurrences(phrase: str, text: str, name: str) -> list[Mention]:
-    return [Mention(*match.span(), name) for match in re.finditer(rf"\b{re.escape(phrase)}\b", text)]
+    found: list[Mention] = []
+    start = text.find(phrase)
+    while start >= 0:
+        end = start + len(phrase)
+        if stands_alone(text, start, end):
+            found.append(Mention(start, end, name))
+            start = end - 1
+        start = text.find(phrase, start + 1)
+    return found
 
 
 def _words(name: str) -> set[str]:
-    return set(_WORD.findall(_spaced(name)))
+    return set(words_of(_spaced(name)))
+
+
+def _folded(text: str) -> str:
+    return folded_characters(text).replace("_", " ")
 
 
 def _spaced(text: str) -> str:
-    return text.lower().replace("_", " ").strip().rstrip(".")
+    return " ".join(_folded(text).split()).rstrip(".")

@@ -5,20 +5,20 @@ Every word must have a role in a taught form. A refusal says which word has none
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice, product
+from itertools import product
 
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, needs_free_hand, uses_moved_object
 from app.pipeline.order.descriptions import MEANS, NounPhrase
 from app.pipeline.order.frames import Frame
-from app.pipeline.order.lexicon import TooInvolvedError
+from app.pipeline.order.lexicon import Text
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Grounding, Order
-from app.pipeline.order.refusals import Refusal, refusal, unfamiliar_text, valid_instructions
+from app.pipeline.order.refusals import Refusal, question, refusal, unfamiliar_text, valid_instructions
 from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
+from app.pipeline.order.words import is_question, normalized
 
-MAX_READINGS = 64  # that are compared; an instruction with more is ambiguous
 _JOINT = ", then "
 
 
@@ -26,6 +26,8 @@ def read(
     instruction: str, taught: TaughtWords, layout: Layout | None = None, *, allow_unfamiliar: bool = False
 ) -> Order:
     """Return the instruction as an `Order`: in a taught form, with objects by their names.
+
+    Words that are spelled almost as known ones are unknown.
 
     Args:
         layout: the objects' positions, for relations such as "the left one"; None: relations are refused.
@@ -35,19 +37,18 @@ def read(
         UngroundedInstructionError: if a phrase matches no object or several.
         UnfamiliarInstructionError: if it is unlike every taught instruction, or has words without a role.
     """
-    if (literal := taught.literal(instruction)) is not None:
+    said = normalized(instruction)
+    if is_question(said):
+        raise question(said).error(valid_instructions(taught))
+    if (literal := taught.literal(said)) is not None:
         return literal
-    phrases = NounPhrases(instruction, taught.lexicon, layout)
+    phrases = NounPhrases(said, taught.lexicon, layout)
     found = _meanings(taught, phrases)
     if len(found) == 1:
         return found[0]
-
-    def is_clear(text: str) -> bool:
-        return bool(taught.literal(text)) or len(_meanings(taught, NounPhrases(text, taught.lexicon, layout))) == 1
-
-    why = refusal(taught, phrases, [order.text for order in found], _part_of(taught, phrases), is_clear)
+    why = refusal(taught, phrases, [order.text for order in found], _part_of(taught, phrases))
     if not (allow_unfamiliar and why.is_unfamiliar):
-        raise why.error(valid_instructions(taught), taught.choices)
+        raise why.error(valid_instructions(taught))
     passed_on = unfamiliar_text(taught, phrases)
     if isinstance(passed_on, Refusal):
         raise passed_on.error(valid_instructions(taught))
@@ -89,17 +90,14 @@ class FilledFrame:
 def _meanings(taught: TaughtWords, phrases: NounPhrases) -> list[Order]:
     sentences = Sentences(phrases, taught.accepted)
     found: dict[str, Order] = {}
-    try:
-        for forms in islice(sentences.readings(), MAX_READINGS):
-            plans = (compounds(taught, form) or dict(_sequences(taught, form)) for form in forms)
-            for text, plan in next(filter(None, plans), {}).items():
-                named = {phrase for filled in plan for phrase in filled.clause.phrases}
-                groundings = _groundings(phrases, sorted(named, key=lambda phrase: phrase.start))
-                said = Order(phrases.text.instruction, taught.names)
-                order = Order(text, taught.names, groundings or taught.named_in(said))
-                found[text] = min(found.get(text, order), order, key=_uncertainty)
-    except TooInvolvedError:
-        return []
+    for forms in sentences.readings():
+        plans = (compounds(taught, form) or dict(_sequences(taught, form, phrases.text)) for form in forms)
+        for text, plan in next(filter(None, plans), {}).items():
+            named = {phrase for filled in plan for phrase in filled.clause.phrases}
+            groundings = _groundings(phrases, sorted(named, key=lambda phrase: phrase.start))
+            said = Order(phrases.text.instruction, taught.names)
+            order = Order(text, taught.names, groundings or taught.named_in(said))
+            found[text] = min(found.get(text, order), order, key=_uncertainty)
     return list(found.values())
 
 
@@ -126,17 +124,17 @@ def _part_of(taught: TaughtWords, phrases: NounPhrases) -> str:
     """Return the compound of which the instruction asks for a part only; empty if there is none."""
     if not taught.compounds:
         return ""
-    try:
-        readings = [form for forms in Sentences(phrases, taught.accepted).readings() for form in forms]
-    except TooInvolvedError:
-        return ""
+    readings = [form for forms in Sentences(phrases, taught.accepted).readings() for form in forms]
     return next((each.text for each in taught.compounds for form in readings if each.has(form, taught.names)), "")
 
 
-def _sequences(taught: TaughtWords, reading: Sequence[ParsedClause]) -> Iterator[tuple[str, tuple[FilledFrame, ...]]]:
+def _sequences(
+    taught: TaughtWords, reading: Sequence[ParsedClause], said: Text
+) -> Iterator[tuple[str, tuple[FilledFrame, ...]]]:
     """Yield the reading's clauses matched to frames that may each stand alone, and the canonical text."""
     per_clause = [_choices(taught, clause) for clause in reading]
-    for choice in islice(product(*per_clause), MAX_READINGS):
+    for choice in product(*per_clause):
+        said.count_step()
         plan = tuple(filled for part in choice for filled in part)
         clauses = [filled.clause for filled in plan]
         if uses_moved_object(clauses) or needs_free_hand(clauses):

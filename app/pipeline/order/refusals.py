@@ -4,20 +4,21 @@ In this order: it has several meanings; its verb was not taught; a noun phrase s
 word is unknown; no taught instruction has its form.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import NamedTuple
 
 from app.pipeline.errors import InstructionError, UnfamiliarInstructionError, UngroundedInstructionError
 from app.pipeline.order import verbs, vocabulary
+from app.pipeline.order.clause_parser import Accepted
 from app.pipeline.order.descriptions import NounPhrase, Unmatched
 from app.pipeline.order.lexicon import Text
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import FIELD, Order
+from app.pipeline.order.sentences import Sentences
 from app.pipeline.order.taught import TaughtWords
 
 MAX_LISTED = 12  # instructions that a refusal repeats
-MAX_LEFT_OUT = 4  # words without which an instruction may be understood,
-MAX_WORDS, MAX_STEPS = 12, 500  # if it has at most so many words, and its parse so many steps: each try is a parse
 
 
 class Refusal(NamedTuple):
@@ -31,62 +32,83 @@ class Refusal(NamedTuple):
         """Whether the instruction is unlike every taught one, though it may be clear which objects it names."""
         return issubclass(self.kind, UnfamiliarInstructionError)
 
-    def error(self, valid: str, choices: tuple[str, ...] = ()) -> InstructionError:
+    def error(self, valid: str) -> InstructionError:
         """Return it as an exception that says what would be valid."""
-        error = self.kind(FIELD, self.message, valid)
-        error.choices = choices
-        return error
+        return self.kind(FIELD, self.message, valid)
 
 
-def refusal(
-    taught: TaughtWords,
-    phrases: NounPhrases,
-    meanings: Sequence[str],
-    part_of: str = "",
-    is_clear: Callable[[str], bool] | None = None,
-) -> Refusal:
+def question(said: str) -> Refusal:
+    """Return the refusal of a question."""
+    return Refusal(f"{said!r} is a question: say what to do, without a question mark", UnfamiliarInstructionError)
+
+
+def refusal(taught: TaughtWords, phrases: NounPhrases, meanings: Sequence[str], part_of: str = "") -> Refusal:
     """Return why an instruction with no reading, or with several, is refused.
 
     Args:
         meanings: the canonical instructions that it may mean.
         part_of: the taught instruction of which it asks for a part only.
-        is_clear: whether a text would be understood; None: the refusal suggests none.
     """
-    said, words = repr(phrases.text.instruction), phrases.text.words
+    said = repr(phrases.text.instruction)
     if meanings:
         return Refusal(f"{said} may mean {' or '.join(map(repr, meanings[:3]))}: say which")
     if part_of:
         message = f"{said} was taught as a part of {part_of!r} only: ask for all of it"
         return Refusal(message, UnfamiliarInstructionError)
+    why = _not_understood(taught, phrases)
+    meant = None if phrases.text.forbids else _suggestion(taught, phrases.text)
+    return why._replace(message=f"{why.message}: did you mean {meant!r}?") if meant else why
+
+
+def _not_understood(taught: TaughtWords, phrases: NounPhrases) -> Refusal:
+    said = repr(phrases.text.instruction)
     if (verb := _untaught_verb(taught, phrases)) is not None:
         return Refusal(f"{verb!r} in {said} is no action that was taught", UnfamiliarInstructionError)
     if (missed := _missed(phrases)) is not None:
         return missed
-    if unknown := [repr(word.token.text) for word in words if not word.known and word.text[0].isalnum()]:
-        message = f"{', '.join(unknown)} in {said} {'is' if len(unknown) == 1 else 'are'} not understood"
-        return Refusal(message, UnfamiliarInstructionError)
+    if unknown := _unknown(phrases.text):
+        return unknown
     if phrases.text.forbids:
         what = "says what not to do in a way that is not understood: say only what to do"
-    elif is_clear and (suggested := _suggestion(phrases.text, is_clear)):
-        return suggested
     else:
         what = "has the form of no taught instruction: it says another place, direction, number, role or sequence"
     return Refusal(f"{said} {what}", UnfamiliarInstructionError)
 
 
+def _unknown(text: Text) -> Refusal | None:
+    if not text.unknown:
+        return None
+    listed = ", ".join(map(repr, text.unknown))
+    message = f"{listed} in {text.instruction!r} {'is' if len(text.unknown) == 1 else 'are'} not understood"
+    return Refusal(message, UnfamiliarInstructionError)
+
+
+def _suggestion(taught: TaughtWords, text: Text) -> str | None:
+    """Return the known word, or else the taught instruction, that may have been meant; None if none is similar."""
+    words = (taught.lexicon.nearest(word) for word in text.unknown)
+    return next(filter(None, words), None) or next(
+        iter(get_close_matches(text.instruction, taught.instructions, 1)), None
+    )
+
+
 def unfamiliar_text(taught: TaughtWords, phrases: NounPhrases) -> tuple[str, Sequence[NounPhrase]] | Refusal:
     """Return an unfamiliar instruction with objects by their names, and the phrases that name them.
 
-    It is refused if it names an unknown thing, names no object though taught instructions do, or forbids something: the
-    object acted on would be arbitrary.
+    It must be an English imperative of which every word has a role, and name known objects alone. If it forbids
+    something, the object acted on would be arbitrary, or the one that is to be left alone.
     """
     said = repr(phrases.text.instruction)
     if phrases.text.forbids:
         return Refusal(f"{said} says what not to do: an instruction that was not taught may only say what to do")
-    if (missed := _missed(phrases)) is not None:
+    if (missed := _missed(phrases) or _unknown(phrases.text)) is not None:
         return missed
+    verbs_, fixed, _ = taught.accepted
+    times = frozenset(word for words in vocabulary.TIMES for word in words)
+    parses = Sentences(phrases, Accepted(verbs_, (fixed or frozenset()) | times, of_steps=True)).units()
+    if not any(units[0].own_verb and all(unit.mood == "do" for unit in units) for units in parses):
+        return Refusal(f"{said} has words without a role in an order")
     found = _longest(phrases)
-    if not found and any(Order(text, taught.names).objects for text in taught.instructions):
+    if not found:
         return Refusal(f"{said} names none of the known objects")
     text = phrases.with_names(phrase for phrase in found if phrase.by != "name")
     if Order(text, taught.names).objects != tuple(dict.fromkeys(phrase.name for phrase in found)):
@@ -101,22 +123,6 @@ def valid_instructions(taught: TaughtWords) -> str:
     listed = ", ".join(map(repr, taught.instructions[:MAX_LISTED]))
     more = len(taught.instructions) - MAX_LISTED
     return f"objects {objects}" + (f"; taught {listed}" if listed else "") + (f" and {more} more" if more > 0 else "")
-
-
-def _suggestion(text: Text, is_clear: Callable[[str], bool]) -> Refusal | None:
-    """Return the refusal of the fewest words without which the instruction is understood; None if there are none."""
-    number, said = len(text.words), text.instruction
-    if number > MAX_WORDS or text.steps > MAX_STEPS:
-        return None
-    for length in range(1, min(MAX_LEFT_OUT, number - 1) + 1):
-        for start in range(number - length + 1):
-            first, last = text.words[start].token, text.words[start + length - 1].token
-            rest = " ".join(f"{said[: first.start]}{said[last.end :]}".split())
-            if is_clear(rest):
-                extra = said[first.start : last.end]
-                message = f"{extra!r} in {said!r} is no part of a taught instruction: {rest!r} would be understood"
-                return Refusal(message, UnfamiliarInstructionError)
-    return None
 
 
 def _longest(phrases: NounPhrases) -> list[NounPhrase]:

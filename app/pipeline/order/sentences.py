@@ -73,14 +73,14 @@ class Sentences:
         return filter(None, map(forms_of, self.units()))
 
     def _is_order(self, units: Sequence[Unit]) -> bool:
-        """Return whether the text asks for an action: "the red button?" and "it" alone do not."""
+        """Return whether the text asks for an action: "it" alone does not."""
         if not _lists_end_with_and(units):
             return False
         if any(unit.own_verb for unit in units):
             return True
         phrases = units[0].clause.phrases
         named = all(phrase.name for phrase in phrases) and any(phrase.with_noun for phrase in phrases)
-        return (len(units) > 1 or named) and "?" not in self._text.texts
+        return len(units) > 1 or named
 
     def _units(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[tuple[Unit, ...]]:
         """Yield every parse of the text from word `at` on.
@@ -93,7 +93,7 @@ class Sentences:
         if self._of_steps and not units and not joined and self._text.at(start) in vocabulary.ORDERING:
             yield from self._units(start + 1, units, frozenset({self._text.at(start)}))
         goes_on = joined & {"then", "but", *vocabulary.ORDERING}  # "turn it left, then right now"
-        if units and not goes_on and all(text in ".?," for text in self._text.texts[start:]):
+        if units and not goes_on and all(text in ".," for text in self._text.texts[start:]):
             yield units
             return
         wanted = [self._wanted(begin, units, joined) for begin in sorted({at, start})]

@@ -106,7 +106,7 @@ YOU = _phrases("you")
 ORDERING = _words("before after")
 BEFORE_GERUND = ORDERING | _words("mind by with of than to")  # "would you mind pushing", "instead of pushing"
 RETURNING = _words("away back")  # with a destination they say nothing more: "put it back on the shelf"
-MARKS = frozenset(",.;?")
+MARKS = frozenset(",.;")
 
 # Each role of an object is named after the plainest of the prepositions that mean the same for a robot.
 PREPOSITIONS = PhraseTable({phrase: role for role, listed in _rows("""
@@ -249,7 +249,8 @@ DIRECTIONS = _words(
 DECIDING = ALTERING | DIRECTIONS | ADJECTIVES  # without them a clause means something else
 # Roles that say where something is, rather than in which direction it goes
 LOCATIONS = frozenset({"on", "in", "at", "of", "under", "above", "next to", "behind", "in front of", "by", "against"})
-NEVER_FIXED = _words("and but or nor not never then it again use")  # they never stand for themselves
+# They never stand for themselves: "press no button" is not "press the button no longer"
+NEVER_FIXED = _words("and but or nor not never no none neither nothing without unless until then it again use")
 _TABLES: tuple[Iterable[Phrase], ...] = (
     *(FILLERS, LEADS, INSTEAD, FIRST, THEN, NOT, PASSIVE, SKIP, RATHER, PREPOSITIONS, PLACES, ROBOT, BEING, EXACTLY),
     *(SIDES, RELATIONS),

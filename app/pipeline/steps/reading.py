@@ -11,15 +11,15 @@ from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.order.clause_parser import Accepted
 from app.pipeline.order.clauses import DIRECT, INSTRUMENT, ParsedClause, is_placed_after_moving, needs_free_hand
 from app.pipeline.order.descriptions import NounPhrase
-from app.pipeline.order.lexicon import TooInvolvedError
 from app.pipeline.order.noun_phrases import NounPhrases
 from app.pipeline.order.order import Order
 from app.pipeline.order.reading import closest
-from app.pipeline.order.refusals import Refusal, refusal
+from app.pipeline.order.refusals import Refusal, question, refusal
 from app.pipeline.order.sentences import Sentences, Unit, forms_of, wanted
 from app.pipeline.order.space import Layout
 from app.pipeline.order.verbs import CONTAINING, TOGETHER
 from app.pipeline.order.vocabulary import ORDERING
+from app.pipeline.order.words import is_question, normalized
 from app.pipeline.steps import several
 from app.pipeline.steps.skills import MAX_LISTED, PlanStep, Skill, TasksOfScene, tasks_nearest_to
 
@@ -38,25 +38,27 @@ def read_steps(
     Raises:
         UngroundedInstructionError, UnfamiliarInstructionError: if it is not clear; they name the part.
     """
-    said = _folded(instruction)
-    alike = [
-        (skill, text)
-        for skill in scene.skills
-        for text in skill.taught.instructions
-        if _folded(text) == said and Order(text, skill.taught.names).objects == Order(text, scene.names).objects
-    ]
-    # one task says as a whole what another says in a clause: both may be meant
-    whole = any(text in skill.wholes for skill, text in alike)
-    found: list[tuple[PlanStep, ...]] = [(PlanStep(skill.task, text),) for skill, text in alike] if whole else []
-    reader = _Reader(scene, NounPhrases(instruction, scene.lexicon, layout))
+    said = normalized(instruction)
+    valid = tasks_nearest_to(said, scene.skills, others or {})
+    if is_question(said):
+        raise question(said).error(valid)
+    found: list[tuple[PlanStep, ...]] = [(step,) for step in _literal(said, scene)]
+    reader = _Reader(scene, NounPhrases(said, scene.lexicon, layout))
     found = found or reader.read()
     if len(found) == 1 and len(found[0]) <= MAX_STEPS:
         return found[0]
-    raise reader.refusal(found).error(tasks_nearest_to(instruction, scene.skills, others or {}))
+    raise reader.refusal(found).error(valid)
 
 
-def _folded(text: str) -> str:
-    return text.strip().rstrip(".").lower()
+def _literal(said: str, scene: TasksOfScene) -> list[PlanStep]:
+    """Return the steps of all tasks that know the text, if one of them knows it as a whole only.
+
+    One task says as a whole what another says in a clause: both may be meant.
+    """
+    objects = Order(said, scene.names).objects
+    alike = [skill.literal(said) for skill in scene.skills if Order(said, skill.taught.names).objects == objects]
+    known = list(filter(None, alike))
+    return [step for step, _ in known] if any(is_whole for _, is_whole in known) else []
 
 
 class _Reader:
@@ -73,13 +75,10 @@ class _Reader:
         sentences = Sentences(self._phrases, accepted)
         found: dict[tuple[PlanStep, ...], None] = {}
         every = (chain(self._wholes(units), self._of_units(units)) for units in sentences.units())
-        try:
-            for steps in chain.from_iterable(every):
-                found[steps] = None
-                if len(found) == MAX_LISTED:
-                    break
-        except TooInvolvedError:
-            return []
+        for steps in chain.from_iterable(every):
+            found[steps] = None
+            if len(found) == MAX_LISTED:
+                break
         return list(found)
 
     def refusal(self, found: Sequence[tuple[PlanStep, ...]]) -> Refusal:

@@ -12,7 +12,6 @@ from app.pipeline.order.frames import Frame
 from app.pipeline.order.order import Order
 from app.pipeline.order.reading import FilledFrame, compounds
 from app.pipeline.order.taught import TaughtWords
-from app.pipeline.order.words import IsWord
 
 MAX_TASKS_LISTED = 10  # in a refusal
 MAX_LISTED = 3  # instructions of a task, and meanings of a sentence, that a refusal repeats
@@ -37,6 +36,13 @@ class Skill:
         """The taught instructions that must be said as a whole: of several clauses, or without a parse."""
         alone = {frame.text for frame in self.taught.frames if frame.may_stand_alone}
         return tuple(text for text in self.taught.instructions if text not in alone)
+
+    def literal(self, said: str) -> tuple[PlanStep, bool] | None:
+        """Return the step of a taught text, see `TaughtWords.literal`, and whether it is known as a whole only."""
+        if (order := self.taught.literal(said)) is None or self._has_strangers(said):
+            return None
+        wholes = {Order(text, self.taught.names).form for text in self.wholes}
+        return PlanStep(self.task, said.rstrip(". ")), order.form in wholes
 
     def steps(self, clause: ParsedClause) -> Iterator[tuple[FilledFrame, PlanStep]]:
         """Yield what the task may do for a clause, with objects or kinds of objects that were taught in these roles."""
@@ -66,13 +72,10 @@ class TasksOfScene(TaughtWords):
     Args:
         names, aliases: of all objects, with or without a task.
         skills: the tasks.
-        is_word: as of `TaughtWords`.
     """
 
-    def __init__(
-        self, names: Sequence[str], aliases: Mapping[str, Sequence[str]], skills: Sequence[Skill], is_word: IsWord
-    ) -> None:
-        super().__init__(names, aliases, [text for skill in skills for text in skill.taught.instructions], is_word)
+    def __init__(self, names: Sequence[str], aliases: Mapping[str, Sequence[str]], skills: Sequence[Skill]) -> None:
+        super().__init__(names, aliases, [text for skill in skills for text in skill.taught.instructions])
         self.skills = tuple(skills)
 
     @cached_property

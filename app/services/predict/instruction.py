@@ -13,7 +13,6 @@ from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.reading import read
 from app.pipeline.order.taught import TaughtWords
 from app.pipeline.prompt import Prompt
-from app.services.english import is_english
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from roboprompt_client.types.poses import ObjectPose
@@ -58,7 +57,7 @@ def taught_of(
     names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], instructions: tuple[str, ...]
 ) -> TaughtWords:
     """Return what instructions about these objects are parsed against; cached, because robots repeat themselves."""
-    return TaughtWords(names, dict(aliases), instructions, is_english)
+    return TaughtWords(names, dict(aliases), instructions)
 
 
 async def ask_meaning(model: LanguageModel, instruction: str, choices: Sequence[str], timeout_s: float) -> str | None:

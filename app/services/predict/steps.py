@@ -14,7 +14,6 @@ from app.pipeline.order.space import Layout
 from app.pipeline.steps.reading import read_steps
 from app.pipeline.steps.skills import PlanStep, Skill, TasksOfScene, tasks_nearest_to
 from app.services.cache import Cache
-from app.services.english import is_english
 from app.services.predict.instruction import MAX_TASKS, taught_of
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
@@ -107,7 +106,7 @@ class ReadSteps:
 
 
 def _scene(names: Sequence[str], skills: Sequence[Skill]) -> TasksOfScene:
-    return TasksOfScene(names, shared_aliases([skill.taught.aliases for skill in skills], names), skills, is_english)
+    return TasksOfScene(names, shared_aliases([skill.taught.aliases for skill in skills], names), skills)
 
 
 def _layout(objects: Sequence[ObjectQuery], usable: Sequence[_PlacedSkill]) -> Layout | None:

@@ -12,7 +12,6 @@ from app.pipeline.errors import UnfamiliarInstructionError
 from app.pipeline.findings import Finding
 from app.pipeline.order.reading import read
 from app.pipeline.order.taught import TaughtWords
-from app.services.english import is_english
 from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.services.teach.configure import require_no_job
@@ -115,7 +114,7 @@ def _check_objects(instruction: str, record: EpisodeRecord, settings: TaskSettin
         UngroundedInstructionError: saying which.
     """
     names = [item.name for item in record.objects]
-    words = TaughtWords(names, settings.aliases, (*taught, record.instruction), is_english)
+    words = TaughtWords(names, settings.aliases, (*taught, record.instruction))
     places_m = {item.name: np.array(item.position_m) for item in record.objects}
     with suppress(UnfamiliarInstructionError):  # other words than before are why it is corrected
         read(instruction, words, settings.layout(places_m))

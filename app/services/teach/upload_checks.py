@@ -25,7 +25,6 @@ from app.pipeline.order.numbered import with_numbers
 from app.pipeline.order.order import Order
 from app.pipeline.plans.recording import Recording
 from app.pipeline.thresholds import GRASPED_M
-from app.services.english import is_english
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.task_settings import TaskSettings
 from app.services.teach.workspace import NUM_FIRST
@@ -183,7 +182,7 @@ def checked_upload(upload: Upload, task: StoredTask) -> CheckedUpload:
     acts_m, instruction = _acts_at_m(motion), episode.instruction
     if upload.alike:
         layout = settings.layout({pose.name: pose.position_m for pose in given})
-        instruction = with_numbers(instruction, layout, acts_m, upload.alike, is_english)
+        instruction = with_numbers(instruction, layout, acts_m, upload.alike)
     findings = _check_objects(task, instruction, upload.object_names, given, acts_m)
     names = tuple(dict.fromkeys((*(task.object_names or ()), *upload.object_names)))
     settings.check_models(names)

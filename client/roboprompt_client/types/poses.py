@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array, finite_array, positions_array, settle, unit_quaternions
-from roboprompt_client.types.names import checked_name
+from roboprompt_client.types.names import checked_object_name
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class ObjectPose:
     reason: str = ""
 
     def __post_init__(self) -> None:
-        where = f"objects[{checked_name('objects.name', self.name)}]"
+        where = f"objects[{checked_object_name('objects.name', self.name)}]"
         settle(self, position_m=positions_array(f"{where}.position", self.position_m, (3,)))
         if self.quaternion_xyzw is not None:
             unit = unit_quaternions(f"{where}.quaternion_xyzw", self.quaternion_xyzw, (4,))

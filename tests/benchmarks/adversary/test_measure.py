@@ -97,7 +97,7 @@ def test_an_answer_that_fails_without_a_danger_is_silent(bench):
 
 
 def test_an_answer_with_a_danger_is_carried_out_to_see_whether_it_was_right(bench):
-    unknown = replace(picks(), instruction="juggle the red cube", options={"model": "nearest", "unfamiliar": "allow"})
+    unknown = replace(picks(), instruction="shake the red cube", options={"model": "nearest", "unfamiliar": "allow"})
     outcome, _ = bench("unsolvable").run("unchanged", unknown)
     assert outcome.ending == "danger"
     assert outcome.failure == "missed it"

@@ -4,7 +4,6 @@ import numpy as np
 
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
-from app.services.english import is_english
 
 # In the robot's frame: x forward, y left, z up.
 PLACES_M = {
@@ -24,7 +23,7 @@ TAUGHT_INSTRUCTIONS = {
 }
 ALIASES = {"things": {"mug": ("coffee cup",)}}
 TAUGHT = {
-    task: TaughtWords(tuple(places), ALIASES.get(task, {}), TAUGHT_INSTRUCTIONS[task], is_english)
+    task: TaughtWords(tuple(places), ALIASES.get(task, {}), TAUGHT_INSTRUCTIONS[task])
     for task, places in PLACES_M.items()
 }
 LAYOUTS = {
@@ -40,14 +39,14 @@ blue | push the azure button / do not push the red button, push the blue one / h
 blue | push the blue button instead of the red one / push the blue button, not the red one
 blue | instead of the red button, push the blue one / push the rightmost button
 blue | push the button farthest from the robot / push the navy blue button / press down on the blue button
-blue | push the button behind the green one / push blue / could you hit the navy one for me?
+blue | push the button behind the green one / push blue / could you hit the navy one for me
 blue | push the button that is farthest away from you / not the red button, the blue button
 blue | push the cobalt blue button / push the button to the right of the green one
-yellow | push the yelow button / push the yellow one, please / push the second button from the left
+yellow | push the yellow one, please / push the second button from the left
 yellow | push the button between the red and the green button / push the golden button
 yellow | push the second leftmost button / push the button immediately to the right of the red one
-yellow | push the button second from the left / psuh the yellwo button
-green | Could you please tap the green button? / push the button closest to the robot
+yellow | push the button second from the left
+green | Could you please tap the green button / push the button closest to the robot
 green | push the third button from the left / robot, press green / I'd like you to press the green button
 green | push the emerald one / forget the red button, push the green one / kindly tap the lime button
 red, blue | push the red button and the blue button / push the red button, then the blue button
@@ -84,6 +83,7 @@ green, blue | press the green button and then the blue one
 | 赤いボタンを押して / push the red button 2 times / push button 3 / push the button red or blue / pushing is fun
 | what is the red button / push the redblue button / undo pushing the red button / push the red button again
 | push the same button / ignore the red button / rather push the red button than the blue one
+| could you push the red button?
 | push the red button instead / push the brown button / push the shiny red button
 | push the red button and pull the blue one / drück auf den roten Knopf / please release the red button
 | push the red button left / push the yellow button far left / push the red button and the blue buttons
@@ -95,11 +95,11 @@ CUBES = """
 red, blue | stack the red cube on the blue cube / put the red cube on top of the blue one
 red, blue | on the blue cube, stack the red one / pick up the red cube and place it on the blue one
 red, blue | stack the crimson cube on the navy cube / stack the left cube on the right cube
-red, blue | satck the red cube on the bleu cube / take the red cube and stack it on the blue cube
+red, blue | take the red cube and stack it on the blue cube
 red, blue | don't stack blue on red but red on blue / place the ruby cube upon the blue cube
 red, blue | the red cube should be placed on the blue cube
 blue, red | stack the blue cube on the red cube / place the blue block onto the red block
-blue, red | could you put the blue cube atop the red cube? / set the blue cube down on the red cube
+blue, red | could you put the blue cube atop the red cube / set the blue cube down on the red cube
 blue, red | stack the blue one onto the red one / move the blue block on top of the red block / stack blue on red
 blue, red | grab the blue cube and put it on top of the red cube / put the sapphire block on the red block
 | stack the red cube / stack the cubes / stack the green cube on the blue cube
@@ -120,12 +120,12 @@ blue, red | grab the blue cube and put it on top of the red cube / put the sapph
 
 DRAWERS = """
 top | open the top drawer / open the upper drawer / pull open the top drawer / open the highest drawer
-top | open the top drawer, not the bottom one / could you open up the top drawer for me, please?
+top | open the top drawer, not the bottom one / could you open up the top drawer for me, please
 top | slide open the uppermost drawer / open the first drawer from the top / open the drawer above the middle one
-bottom | open drawer_bottom / open the lowest drawer / open teh botom drawer / open the drawer below the middle one
+bottom | open drawer_bottom / open the lowest drawer / open the drawer below the middle one
 bottom | open the bottom-most drawer / please open the lower-most drawer
 middle | open the middle one / open the drawer between the top and the bottom drawer
-middle | open the second drawer from below / open the drawer in the middle / could you open the central drawer?
+middle | open the second drawer from below / open the drawer in the middle / could you open the central drawer
 bottom, top | open the bottom drawer, then the top one
 top, bottom | open the top and bottom / open the top drawer and the bottom drawer
 | close the top drawer / open the drawer / open the left drawer / open the door / öffne die oberste Schublade
@@ -138,9 +138,9 @@ top, bottom | open the top and bottom / open the top drawer and the bottom drawe
 """
 
 THINGS = """
-mug | pick up the mug / grab the coffee cup / take the mgu / pick up the thing closest to the robot
+mug | pick up the mug / grab the coffee cup / pick up the thing closest to the robot
 mug | pick up the leftmost object / get the cup / pick the coffee cup up / pick up the coffee cup, please
-mug | do not pick up the bowl but the mug / pikc up the mug
+mug | do not pick up the bowl but the mug
 bowl | lift the bowl / do not take the mug, take the bowl / pick up the bowl rather than the mug / pick the bowl up
 bowl | pick up the bowl, not the plate / lift up the object between the mug and the plate / grasp the bowl
 mug, plate | put the mug on the plate / pick up the mug and put it on the plate / set the mug down on the plate
@@ -157,12 +157,11 @@ plate | take the plate / lift the plate / pick up the object farthest from the r
 | turn the mug / stack the mug and the bowl / place the mug under the bowl / pick up the mug's handle
 | lift the mug 10 cm / lift the mug and shake it / pick up the dinner plate / put the plate under the mug
 | eat from the bowl / pick up the glass / put the bowl beside the plate / pick up two bowls / move the mug
-| ramasse la tasse
+| ramasse la tasse / take the mgu / pikc up the mug
 """
 
 # Clear to people, and refused all the same.
 REFUSED_THOUGH_CLEAR = """
-buttons: green | pres the gren buton
 cubes: blue, red | please stack the left... no, the blue cube on the red cube
 buttons: blue | give the blue button a push
 buttons: blue, red | push the red button after the blue one

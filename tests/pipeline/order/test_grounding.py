@@ -11,14 +11,13 @@ from app.pipeline.order.order import Grounding, Order
 from app.pipeline.order.reading import read
 from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
-from app.services.english import is_english
 
 BUTTONS = ("red button", "blue button")
 PUSH = ["push the red button", "push the blue button"]
 
 
 def taught(names, instructions, **aliases):
-    return TaughtWords(names, aliases, instructions, is_english)
+    return TaughtWords(names, aliases, instructions)
 
 
 @pytest.mark.parametrize(
@@ -56,14 +55,13 @@ def test_what_takes_too_many_steps_to_read_is_refused(options):
         ("push the red button", "red button", "red button", "name"),
         ("press the red one", "the red one", "red button", "name"),
         ("push the big one", "the big one", "red button", "alias"),
-        ("push the bleu button", "the bleu button", "blue button", "spelling"),
         ("push the crimson button", "the crimson button", "red button", "color"),
         ("push the button on the left", "the button on the left", "red button", "relation"),
     ],
 )
 def test_every_phrase_tells_what_it_was_taken_for_and_by_what(said, phrase, name, by):
     layout = Layout({"red button": np.array([0.3, 0.2, 0.8]), "blue button": np.array([0.3, -0.2, 0.8])}, np.zeros(3))
-    words = TaughtWords(BUTTONS, {"red button": ("big one", "start")}, PUSH, is_english)
+    words = TaughtWords(BUTTONS, {"red button": ("big one", "start")}, PUSH)
     assert read(said, words, layout).phrases == (Grounding(phrase, name, by),)
 
 
@@ -150,12 +148,12 @@ def test_an_unfamiliar_instruction_may_be_passed_on_with_its_objects_named(said,
              "pull the frobnicator to the red button", "pull the red one, not the blue one"],
 )  # fmt: skip
 def test_objects_that_are_not_clear_are_refused_all_the_same(said):
-    with pytest.raises(UngroundedInstructionError):
+    with pytest.raises((UngroundedInstructionError, UnfamiliarInstructionError)):
         read(said, taught(BUTTONS, PUSH), allow_unfamiliar=True)
 
 
 def test_a_refusal_lists_what_the_task_knows():
-    words = TaughtWords(BUTTONS, {"blue button": ("stop",)}, PUSH, is_english)
+    words = TaughtWords(BUTTONS, {"blue button": ("stop",)}, PUSH)
     with pytest.raises(UngroundedInstructionError, match="'the purple button' is none") as refused:
         read("push the purple button", words)
     assert refused.value.valid == (
@@ -168,7 +166,7 @@ def test_a_refusal_lists_what_the_task_knows():
     [
         ("pull the red button", "'pull' in 'pull the red button' is no action that was taught"),
         ("push the red button slowly", "'slowly' in 'push the red button slowly' is not understood"),
-        ("push the red button up", "'up' in 'push the red button up' is no part of a taught instruction: 'push the"),
+        ("push the red button up", "'push the red button up' has the form of no taught instruction"),
         ("push on", "'push on' has the form of no taught instruction"),
         ("don't push the red button", "says what not to do in a way that is not understood: say only what to do"),
     ],

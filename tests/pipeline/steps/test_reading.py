@@ -10,7 +10,6 @@ from app.pipeline.order.space import Layout
 from app.pipeline.order.taught import TaughtWords
 from app.pipeline.steps.reading import read_steps
 from app.pipeline.steps.skills import PlanStep, Skill, TasksOfScene
-from app.services.english import is_english
 
 TASKS = {
     "open": (("upper box", "lower box"), ("open the upper box", "open the lower box")),
@@ -35,7 +34,7 @@ LEFT, RIGHT, SHAKE = "press the left button", "press the right button", "shake t
 
 
 def skill(task, names, texts, **aliases):
-    return Skill(task, TaughtWords(names, aliases, texts, is_english))
+    return Skill(task, TaughtWords(names, aliases, texts))
 
 
 SKILLS = tuple(skill(task, names, texts) for task, (names, texts) in TASKS.items())
@@ -43,7 +42,7 @@ SKILLS = tuple(skill(task, names, texts) for task, (names, texts) in TASKS.items
 
 def plan(said, skills=SKILLS, names=NAMES, layout=None):
     aliases = shared_aliases([each.taught.aliases for each in skills], names)
-    return read_steps(said, TasksOfScene(names, aliases, skills, is_english), layout)
+    return read_steps(said, TasksOfScene(names, aliases, skills), layout)
 
 
 def texts(steps):
@@ -225,7 +224,7 @@ def test_a_text_that_one_task_knows_as_a_whole_is_that_of_every_task_with_it():
     aliased = skill("aliased", names, (text,), **{"red cube": ("the blue cube",)})
     assert aliased.wholes == (text,)
     skills = (aliased, skill("picks", names, (text,)))
-    scene = TasksOfScene(names, shared_aliases([each.taught.aliases for each in skills], names), skills, is_english)
+    scene = TasksOfScene(names, shared_aliases([each.taught.aliases for each in skills], names), skills)
     with pytest.raises(InstructionError, match=r"aliased.*picks"):
         read_steps(text, scene, None)
 
