@@ -18,7 +18,6 @@ from app.services.api_keys import has_keys
 from app.services.container import Services
 from app.services.limits import Limits
 from app.services.poses import PoseServers
-from app.services.teach.run_jobs import RunJobs
 from app.settings import MEGA, Settings
 from app.store.erasure import keep_house
 from app.store.store import SWEEP_GRACE, Store
@@ -28,7 +27,6 @@ from roboprompt_client.http import is_loopback
 from roboprompt_client.version import VERSION
 
 DEFAULT_RATE_PER_S = 20.0
-JOB_POLL_S = 1.0
 HOUSEKEEPING_S = SWEEP_GRACE.total_seconds() + 60
 
 logger = logging.getLogger(__name__)
@@ -57,11 +55,9 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         settings.default_model,
         _limits_for(settings),
         PoseServers(settings.pose_servers),
-        extract_at_once=settings.extract_at_once,
         num_warm_tasks=settings.embedded_slots,
     )
     background: list[asyncio.Task[object]] = [asyncio.create_task(_keep_house(store, settings))]
-    jobs = [asyncio.create_task(_run_jobs(services.run_jobs))] if settings.work_at_jobs else []
     if settings.warm_up:
         background.append(asyncio.create_task(services.prefix_warmer.run()))
     try:
@@ -69,8 +65,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     finally:
         for task in background:
             task.cancel()
-        services.run_jobs.stop()
-        await asyncio.gather(*jobs, *background, return_exceptions=True)
+        await asyncio.gather(*background, return_exceptions=True)
         await services.aclose()
 
 
@@ -82,13 +77,6 @@ async def _keep_house(store: Store, settings: Settings) -> None:
     while True:
         await _tried("housekeeping", partial(keep_house, store, max_age, max_bytes))
         await asyncio.sleep(HOUSEKEEPING_S)
-
-
-async def _run_jobs(jobs: RunJobs) -> None:
-    """Work at jobs until `RunJobs.stop`; if one fails, try the next."""
-    while not jobs.stopping:
-        if not await _tried("jobs", jobs.run_next):
-            await asyncio.to_thread(jobs.wait, JOB_POLL_S)
 
 
 async def _tried(what: str, work: Callable[[], int]) -> int:

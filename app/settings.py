@@ -27,10 +27,6 @@ class Settings(LlmSettings, BaseSettings):
     """object store of the images, e.g. s3://bucket/prefix; empty: the data folder"""
     database_connections: Annotated[int, Field(ge=2)] = 16
     """largest number of connections of each worker to PostgreSQL"""
-    extract_at_once: Annotated[int, Field(ge=0)] = 200
-    """largest number of episodes that PUT /tasks extracts again itself; more become a job"""
-    work_at_jobs: bool = True
-    """whether the service works at such jobs itself; false: `roboprompt jobs` does"""
     max_body_mb: Annotated[float, Field(gt=0)] = 200
     """largest request with images as multipart or MessagePack; larger ones get 413"""
     max_inline_mb: Annotated[float, Field(gt=0)] = 32

@@ -32,7 +32,7 @@ Meters, radians and seconds; world frame; quaternions x y z w; cameras with Open
 TAGS = [
     {"name": "episodes", "description": "demonstrations: upload, correct, leave out, delete"},
     {"name": "predictions", "description": "actions for what the robot sees now, and how it went"},
-    {"name": "tasks", "description": "settings of a task, checks of its demonstrations, statistics, jobs"},
+    {"name": "tasks", "description": "settings of a task, checks of its demonstrations, statistics"},
     {"name": "poses", "description": "poses of objects in images"},
     {"name": "labels", "description": "objects marked in images, from which the estimator `registered` learns them"},
     {"name": "models", "description": "the LLMs that can be asked"},

@@ -84,13 +84,15 @@ def _object(record: ObjectRecord, workspace: Workspace) -> JsonObject:
     return {**record.to_json(), "bins": list(object_bins(record.pose(), workspace))}
 
 
-def task_document(record: TaskRecord, num_episodes: int, num_unseen: int | None = None) -> JsonObject:
+def task_document(
+    record: TaskRecord, settings: TaskSettings, num_episodes: int, num_unseen: int | None = None
+) -> JsonObject:
     """A `TaskOut`.
 
     Args:
         num_unseen: its episodes without images with color and depth; None in lists, which do not count them.
     """
-    stored: dict[str, Any] = TaskSettings.model_validate(record.settings).model_dump(mode="json")
+    stored: dict[str, Any] = settings.model_dump(mode="json")
     names = None if record.object_names is None else list(record.object_names)
     described = {"name": record.name, "version": record.version, "object_names": names, "num_episodes": num_episodes}
     if num_unseen is not None:

@@ -14,7 +14,6 @@ COMMANDS = {
     "serve": ("serve:serve", "Run the service until Ctrl-C."),
     "doctor": ("doctor:doctor", "Check what RoboPrompt needs on this machine."),
     "backup": ("administration:back_up", "Write the data folder to a tar file; the service may keep running."),
-    "jobs": ("serve:jobs", "Run all queued re-extractions of tasks, then end."),
     "demo": ("demo:demo", "Teach a simulated Panda, then predict and execute on unseen scenes."),
     "eval": (
         "evaluate:evaluate",

@@ -28,6 +28,7 @@ RLBENCH_MAX_M = (0.7, 0.5, 1.6)
 AUTO_MARGIN_M, AUTO_MARGIN_BELOW_M = 0.10, 0.05
 AUTO_LEAST_M = 1.0
 AUTO_GRID_M = 0.05
+MAX_GROWTH = 2.0  # of an edge by less than half of the demonstrations; beyond it they are left apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,22 @@ class Workspace:
         return cls(np.array(RLBENCH_MIN_M), np.array(RLBENCH_MAX_M))
 
     @classmethod
+    def of_demonstrations(cls, places_m: Sequence[Array]) -> "Workspace":
+        """The box that demonstrations span, those left apart that reach far beyond the others; RLBench's without any.
+
+        Args:
+            places_m: for each demonstration, oldest first, (N, 3) positions of the hand and of the objects.
+        """
+        if not places_m:
+            return cls.rlbench()
+        ends_m = (np.array([end(each, axis=0) for each in places_m]) for end in (np.min, np.max))
+        box: Workspace | None = None
+        for number in sorted(_majority(*ends_m)):
+            box = cls.around(places_m[number], box)
+        assert box is not None
+        return box
+
+    @classmethod
     def around(cls, positions_m: Array, grown_from: "Workspace | None" = None) -> "Workspace":
         """The box for demonstrated positions (N, 3): with a margin, rounded outwards, at least a meter wide.
 
@@ -85,6 +102,30 @@ class Workspace:
     def contains(self, position_m: Array) -> bool:
         """Whether a position (3,) lies inside the box."""
         return bool(((position_m >= self.min_m) & (position_m <= self.max_m)).all())
+
+
+def _majority(low_m: Array, high_m: Array) -> set[int]:
+    """Return which demonstrations are left, those apart without which an edge is less than half as long.
+
+    More than half are left: of two demonstrations nobody can say which one is the odd one.
+
+    Args:
+        low_m, high_m: (D, 3) corners of each demonstration.
+    """
+
+    def edges_m(chosen: npt.NDArray[np.int_]) -> Array:
+        edges: Array = np.maximum(high_m[chosen].max(axis=0) - low_m[chosen].min(axis=0), AUTO_LEAST_M)
+        return edges
+
+    kept = np.arange(len(low_m))
+    while (edges_m(kept) > MAX_GROWTH * AUTO_LEAST_M).any():
+        by_reach = [kept[np.argsort(ends_m[kept], kind="stable")] for ends_m in (*high_m.T, *-low_m.T)]
+        fewer = [order[:-number] for number in range(1, len(kept) - len(low_m) // 2) for order in by_reach]
+        smaller = [rest for rest in fewer if (edges_m(kept) > MAX_GROWTH * edges_m(rest)).any()]
+        if not smaller:
+            break
+        kept = smaller[0]
+    return set(kept.tolist())
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,8 @@ from app.services.predict.repeated import RepeatedPredictions
 from app.services.predict.steps import ReadSteps
 from app.services.predict.warm import PrefixWarmer
 from app.services.teach.check import CheckTask
-from app.services.teach.configure import MAX_AT_ONCE, ConfigureTask
+from app.services.teach.configure import ConfigureTask
 from app.services.teach.labels import LabelObjects
-from app.services.teach.run_jobs import RunJobs
 from app.services.teach.upload import UploadEpisode
 from app.store.store import Store
 
@@ -30,7 +29,6 @@ class Services:
 
     Args:
         limits, pose_servers: left out: the defaults.
-        extract_at_once: how many episodes a change of settings extracts again within the request.
         num_warm_tasks: how many tasks' prefixes the prefix warmer, where it runs, sends at start-up.
 
     Attributes:
@@ -46,7 +44,6 @@ class Services:
         limits: Limits | None = None,
         pose_servers: PoseServers | None = None,
         *,
-        extract_at_once: int = MAX_AT_ONCE,
         num_warm_tasks: int = 0,
     ) -> None:
         self.store, self.models, self.default_model = store, models, default_model
@@ -56,7 +53,7 @@ class Services:
         self.prefix_warmer = PrefixWarmer(store, models, self.known, num_warm_tasks)
         parts = (store, models, self.known, self.limits, self.prefix_warmer)
         self.upload_episode = UploadEpisode(store, self.pose_servers)
-        self.configure_task = ConfigureTask(store, self.pose_servers, extract_at_once)
+        self.configure_task = ConfigureTask(store, self.pose_servers)
         self.label_objects = LabelObjects(store)
         self.predict_actions = PredictActions(*parts, PredictionRecorder(store, self.metrics))
         self.read_steps = ReadSteps(store)
@@ -64,7 +61,6 @@ class Services:
         self.keys = KeyRing(store)
         self.sessions = Sessions(store, self.keys)
         self.repeated_predictions = RepeatedPredictions(store, self.known)
-        self.run_jobs = RunJobs(store, on_done=self.prefix_warmer.changed)
         self.teaching = anyio.CapacityLimiter(TEACHING_AT_ONCE)
 
     def _profile_of(self, name: str | None) -> ModelProfile:

@@ -37,13 +37,12 @@ class _Settings(BaseModel):
 class WorkspaceSettings(_Settings):
     """The box that the position bins divide and that actions keep to, in meters in the world frame.
 
-    `auto`: what the present demonstrations span with a margin, at least a meter wide. An upload that would more than
-    double it is stored with the finding `beyond-workspace` and moves no bound until `workspace` is set, e.g. to `auto`
-    again. `rlbench`: RLBench's. A box of one's own has no preset.
+    `auto`: what the first 100 present demonstrations span with a margin, at least a meter wide; those are left apart
+    that reach far beyond the others. `rlbench`: RLBench's. A box of one's own has no preset.
     """
 
     preset: Preset | None = None
-    min: Point = RLBENCH_MIN_M
+    min: Point = RLBENCH_MIN_M  # of `auto` it is not stored
     max: Point = RLBENCH_MAX_M
 
     @model_validator(mode="before")

@@ -1,5 +1,6 @@
 """The settings of a task. Each has a default; a first upload creates the task with the defaults."""
 
+import hashlib
 import json
 import math
 import re
@@ -28,6 +29,7 @@ from app.pipeline.names import check_aliases_of, checked_aliases, spelling_varia
 from app.pipeline.order.space import Layout
 from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation.base import check_style
+from app.pipeline.workspace import Workspace
 from app.services.setting_parts import (
     Arm,
     KeyframeSettings,
@@ -36,7 +38,9 @@ from app.services.setting_parts import (
     UrdfArm,
     WorkspaceSettings,
 )
-from app.store import tasks
+from app.store import episodes, tasks
+from app.store.records import ExtractionKeys, TaskRecord
+from app.store.values import JsonObject
 from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.geometry import Chain
 from roboprompt_client.arms.named import named_geometry
@@ -50,7 +54,9 @@ from roboprompt_client.types.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, 
 Representation = Literal["absolute", "object_frame", "action_tokens", "parts"]
 PromptFormat = Literal["paper", "authors", "kat", "sums"]
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+OF_KEYFRAMES, OF_POSES = ("keyframes", "gripper_open_above_m"), ("pose_estimator", "object_models")
 MERGED = ("workspace", "keyframes", "motion_limits")  # a change keeps what it does not name of them
+MAX_SPANNED = 100  # demonstrations, as many as a prompt shows at most
 MIN_SYMMETRY_DEG = 1.0  # what is rounder is round
 
 
@@ -62,6 +68,10 @@ def plain_text(value: str) -> str:
 
 
 SystemPrompt = Annotated[str, Field(max_length=MAX_SYSTEM_PROMPT_CHARS), AfterValidator(plain_text)]
+
+
+def _digest(settings: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _known_estimator(name: str) -> str:
@@ -187,7 +197,24 @@ class TaskSettings(BaseModel):
 
     @classmethod
     def of(cls, connection: Connection, name: str) -> Self:
-        return cls.model_validate(tasks.get(connection, name).settings)
+        """Return a task's settings; raises NotFoundError."""
+        return cls.read(connection, tasks.get(connection, name))
+
+    @classmethod
+    def read(cls, connection: Connection, task: TaskRecord) -> Self:
+        """Return a task's settings; a workspace `auto` is the box of its demonstrations."""
+        settings = cls.model_validate(task.settings)
+        if settings.workspace.preset != "auto":
+            return settings
+        shown = episodes.demonstrations(connection, task.name, MAX_SPANNED)
+        spanned = Workspace.of_demonstrations([record.places_m() for record in shown])
+        box = WorkspaceSettings(preset="auto", min=tuple(spanned.min_m.tolist()), max=tuple(spanned.max_m.tolist()))
+        return settings.model_copy(update={"workspace": box})
+
+    def stored(self) -> JsonObject:
+        """Return what `read` reads: without the box of a workspace `auto`, which follows from the demonstrations."""
+        box = {"workspace": {"preset": "auto"}} if self.workspace.preset == "auto" else {}
+        return {**self.model_dump(mode="json"), **box}
 
     def geometry(self) -> Chain | None:
         """Return the kinematics of the arm, if it is known."""
@@ -227,13 +254,11 @@ class TaskSettings(BaseModel):
             new["workspace"] = {"preset": box["preset"]} if box.get("preset") else {**new["workspace"], "preset": None}
         return TaskSettings.model_validate({**old, **new})
 
-    def reads_unlike(self, other: "TaskSettings") -> bool:
-        """Whether keyframes or poses may come out differently."""
-        mine, others = (
-            (item.keyframes, item.pose_estimator, item.object_models, item.gripper_open_above_m)
-            for item in (self, other)
-        )
-        return mine != others
+    @property
+    def extraction_keys(self) -> ExtractionKeys:
+        """Return digests of what keyframes and object poses depend on beside the recording."""
+        chosen = self.model_dump(mode="json")
+        return ExtractionKeys(*(_digest({name: chosen[name] for name in names}) for names in (OF_KEYFRAMES, OF_POSES)))
 
     def with_recording(self, trajectory: Trajectory, control_frequency_hz: float) -> tuple["TaskSettings", Motion]:
         """Return the settings, with the number of joints once an episode shows it, and its motion (`motion_of`).

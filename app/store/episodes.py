@@ -1,15 +1,15 @@
 """Queries on episodes. Each runs on the caller's transaction."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
-from sqlalchemy import Connection, Row, Text, bindparam, cast, delete, exists, func, insert, select, update
+from sqlalchemy import Connection, Row, Text, bindparam, cast, delete, exists, func, insert, or_, select, update
 
 from app.store import tables, tasks
 from app.store.errors import NotFoundError
 from app.store.filters import EpisodeFilter, fetch_page
-from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, Page
+from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, ExtractionKeys, Page
 from app.store.values import ObjectRecord
 from app.store.visibility import of_visible_tasks, present
 
@@ -197,20 +197,34 @@ def left_out_of(connection: Connection, ids: Sequence[str]) -> set[str]:
     return set(connection.scalars(query))
 
 
-def replace_extractions(
-    connection: Connection, task: str, expected_version: int, extractions: Sequence[Extraction]
-) -> None:
-    """Put newly extracted keyframes and poses in the place of the old; the task's version grows once.
+def stale(
+    connection: Connection, task: str, keys: ExtractionKeys, ids: Collection[str] | None = None
+) -> tuple[EpisodeRecord, ...]:
+    """Return the task's episodes that were extracted with other settings than those of `keys`, oldest first.
 
-    Raises:
-        ConflictError: if the version is not the expected one, that of when the caller began to extract: an episode
-            uploaded meanwhile would keep what the old settings made of it.
+    Args:
+        ids: of the episodes to look at; None: all that are not left out of prompts.
     """
-    tasks.require_version(connection, task, expected_version)
-    query = update(_EPISODES).where(_EPISODES.c.id == bindparam("episode_id"), _EPISODES.c.task == task)
-    if parameters := list(map(vars, extractions)):
-        connection.execute(query, parameters)
-    tasks.change(connection, task, {})
+    differs = or_(_EPISODES.c.keyframes_key != keys.keyframes, _EPISODES.c.poses_key != keys.poses)
+    which = _SHOWN if ids is None else _EPISODES.c.id.in_(ids)
+    query = select(*LISTED).where(_EPISODES.c.task == task, which, differs).order_by(_EPISODES.c.sequence)
+    return tuple(map(record_of, connection.execute(query)))
+
+
+def replace_extractions(connection: Connection, extractions: Sequence[Extraction]) -> None:
+    """Put newly extracted keyframes and poses in the place of the old."""
+    query = update(_EPISODES).where(_EPISODES.c.id == bindparam("episode_id"))
+    rows = [
+        {
+            "episode_id": item.episode_id,
+            "keyframes": item.keyframes,
+            "objects": item.objects,
+            "keyframes_key": item.keys.keyframes,
+            "poses_key": item.keys.poses,
+        }
+        for item in extractions
+    ]
+    connection.execute(query, rows)
 
 
 def record_of(row: Row[Any]) -> EpisodeRecord:

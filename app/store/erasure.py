@@ -18,7 +18,7 @@ from app.store.store import Store
 from app.store.visibility import of_visible_predictions, present
 
 _TASKS, _EPISODES, _PREDICTIONS, _LABELS = tables.tasks, tables.episodes, tables.predictions, tables.labels
-_JOBS, _STAGED, _KEYS = tables.jobs, tables.staged_extractions, tables.idempotency_keys
+_KEYS = tables.idempotency_keys
 BATCH = 500  # predictions in a transaction: others want to write, too
 logger = logging.getLogger(__name__)
 _TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "samples", "objects")
@@ -39,14 +39,11 @@ def erase_predictions(connection: Connection, ids: Sequence[str] | Select[tuple[
 
 
 def erase_task(connection: Connection, name: str) -> None:
-    """Delete a task with its episodes, predictions, labels, jobs and the answers to repeats; raises NotFoundError."""
+    """Delete a task with its episodes, predictions, labels and the answers to repeats; raises NotFoundError."""
     present().require_task(name)
     # A request that adds an episode or a prediction waits, and then finds no task.
     if connection.execute(select(_TASKS.c.name).where(_TASKS.c.name == name).with_for_update()).first() is None:
         raise NotFoundError("task", name)
-    jobs = list(connection.scalars(select(_JOBS.c.id).where(_JOBS.c.task == name).with_for_update()))
-    connection.execute(delete(_STAGED).where(_STAGED.c.job.in_(jobs)))
-    connection.execute(delete(_JOBS).where(_JOBS.c.task == name))
     uploaded = _KEYS.c.response["task"].as_string() == name
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == UPLOAD, uploaded))
     connection.execute(delete(tables.replaced_settings).where(tables.replaced_settings.c.task == name))

@@ -3,17 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Generic, Literal, TypeVar
+from typing import Generic, Literal, NamedTuple, TypeVar
 from uuid import uuid4
+
+import numpy as np
 
 from app.pipeline.episode import COMMANDED, CONTROL_FREQUENCY_HZ, Demonstration
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
+from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
 T = TypeVar("T")
 PredictionStatus = Literal["ok", "parse_error", "unsafe_action", "unsupported", "model_error"]
 Fate = Literal["failure", "refused", "unknown", "success"]
-JobStatus = Literal["queued", "running", "done", "failed"]
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,13 @@ class TaskCounts:
     failures: int = 0
 
 
+class ExtractionKeys(NamedTuple):
+    """Digests of the settings that keyframes and object poses were extracted with."""
+
+    keyframes: str
+    poses: str
+
+
 @dataclass(frozen=True)
 class DemonstrationRecord:
     """The columns of an episode that a prompt needs."""
@@ -64,6 +73,10 @@ class DemonstrationRecord:
     objects: tuple[ObjectRecord, ...]
     keyframes: tuple[KeyframeRecord, ...]
     control_frequency_hz: float = CONTROL_FREQUENCY_HZ
+
+    def places_m(self) -> Array:
+        """Return the positions (N, 3) of the hand at its keyframes and of the objects."""
+        return np.array([item.position_m for items in (self.keyframes, self.objects) for item in items])
 
     def demonstration(self) -> Demonstration:
         """Return the episode as the pipeline's type."""
@@ -83,6 +96,8 @@ class EpisodeRecord(DemonstrationRecord):
     task: str
     num_frames: int
     given_objects: tuple[JsonObject, ...]  # the objects as the caller sent them: their poses can be estimated again
+    keyframes_key: str  # of the settings that `keyframes` was extracted with, see `ExtractionKeys`
+    poses_key: str  # the same of `objects`
     cameras: tuple[CameraRecord, ...]
     extra: JsonObject | None = None  # what else was uploaded; None in lists, which do not read it
     prediction_id: str | None = None  # of the prediction that the episode carried out, if any
@@ -122,6 +137,7 @@ class Extraction:
     episode_id: str
     keyframes: tuple[KeyframeRecord, ...]
     objects: tuple[ObjectRecord, ...]
+    keys: ExtractionKeys
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,21 +219,3 @@ class PredictionRecord(PredictionDraft, _StoredPrediction):
 
     outcome_at: datetime | None
     key_id: str | None  # of the API key that asked for it; None where none was needed
-
-
-@dataclass(frozen=True)
-class JobRecord:
-    """The re-extraction of a task's episodes with changed settings."""
-
-    sequence: int
-    id: str
-    task: str
-    changes: JsonObject  # of the task's settings; they hold when the job is done
-    status: JobStatus
-    num_episodes: int  # of the task when the job was last at work; `num_extracted` of them are extracted
-    num_extracted: int
-    error: str | None  # why it failed
-    claim: str | None  # of the process that works at it, until `claimed_until` unless it says otherwise
-    claimed_until: datetime
-    created_at: datetime
-    finished_at: datetime | None

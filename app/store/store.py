@@ -140,7 +140,7 @@ def blob_digests(connection: Connection) -> set[str]:
     """
     digests: set[str] = set()
     images = (tables.episodes.c.cameras, tables.predictions.c.cameras, tables.labels.c.cameras)
-    for column in (*images, tables.tasks.c.settings, tables.jobs.c.changes):
+    for column in (*images, tables.tasks.c.settings):
         query = select(cast(column, Text)).where(column.is_not(None)).execution_options(yield_per=1000)
         digests.update(digests_in(connection.scalars(query)))
     return digests.union(connection.scalars(select(tables.films.c.digest)))

@@ -57,6 +57,8 @@ episodes = Table(
     Column("note", String(500), nullable=False),
     Column("uploaded_instruction", String(500)),
     Column("findings", Items()),
+    Column("keyframes_key", String(16), nullable=False),
+    Column("poses_key", String(16), nullable=False),
     Column("objects", Items(ObjectRecord), nullable=False),
     Column("keyframes", Items(KeyframeRecord), nullable=False),
     Column("cameras", Items(CameraRecord), nullable=False),
@@ -146,25 +148,6 @@ sessions = Table(
     Column("expires_at", UtcDateTime, nullable=False),
 )
 
-jobs = Table(
-    "jobs",
-    metadata,
-    Column("sequence", SequenceNumber, primary_key=True),
-    Column("id", String(32), nullable=False, unique=True),
-    Column("task", String(64), ForeignKey("tasks.name"), nullable=False),
-    Column("changes", Json, nullable=False),
-    Column("status", String(16), nullable=False),
-    Column("num_episodes", Integer, nullable=False),
-    Column("num_extracted", Integer, nullable=False),
-    Column("error", Text),
-    Column("claim", String(32)),
-    Column("claimed_until", UtcDateTime, nullable=False),
-    Column("created_at", UtcDateTime, nullable=False),
-    Column("finished_at", UtcDateTime),
-    Index(None, "status", "sequence"),
-    sqlite_autoincrement=True,
-)
-
 # What an object of a task looks like, by masks; its cameras' images are kept even if their episode is deleted.
 labels = Table(
     "labels",
@@ -191,14 +174,4 @@ replaced_settings = Table(
     Column("replaced_at", UtcDateTime, nullable=False),
     Column("replaced_by", String(96), nullable=False),
     Column("settings", Json, nullable=False),
-)
-
-# What a job has extracted; it takes the place of the old all at once when the job ends.
-staged_extractions = Table(
-    "staged_extractions",
-    metadata,
-    Column("job", String(32), ForeignKey("jobs.id"), primary_key=True),
-    Column("episode", String(32), primary_key=True),
-    Column("keyframes", Items(KeyframeRecord), nullable=False),
-    Column("objects", Items(ObjectRecord), nullable=False),
 )

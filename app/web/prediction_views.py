@@ -4,8 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from sqlalchemy import Connection
-
 from app.pipeline.deviation import ActionDeviation
 from app.pipeline.spans import Span, prompt_spans
 from app.services.predict.evidence import Explanation, explanation, path_of
@@ -13,6 +11,7 @@ from app.services.predict.known import KnownReader
 from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions
 from app.store.records import EpisodeRecord, PredictionRecord
+from app.store.store import Store
 from app.store.values import JsonObject
 from app.web.play import planned_motion
 from app.web.scene import frame, scene
@@ -90,13 +89,14 @@ class PredictionView:
         return {**drawn, "ways": ways, "play": planned_motion(self.record, self.settings)}
 
 
-def view_prediction(connection: Connection, known: KnownReader, prediction_id: str) -> PredictionView:
+def view_prediction(store: Store, known: KnownReader, prediction_id: str) -> PredictionView:
     """The prediction of that id.
 
     Raises:
         NotFoundError: if there is none.
     """
-    record = predictions.get(connection, prediction_id)
-    settings = TaskSettings.of(connection, record.task)
-    shown = episodes.by_ids(connection, record.task, record.demonstration_ids)
-    return PredictionView(record, settings, shown, explanation(connection, known, record, tuple(shown)))
+    with store.read() as connection:
+        record = predictions.get(connection, prediction_id)
+    with known.reading(record.task, strict=False) as task:
+        shown = episodes.by_ids(task.connection, record.task, record.demonstration_ids)
+        return PredictionView(record, task.kept.settings, shown, explanation(task, record, tuple(shown)))

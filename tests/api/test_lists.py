@@ -9,7 +9,7 @@ from app.api.routes.tasks import list_tasks
 from app.api.schemas.lists import EpisodesQuery
 from app.services.task_settings import TaskSettings
 from tests.services.conftest import scripted, store  # noqa: F401  # fixtures
-from tests.services.test_upload_episode import respond, upload
+from tests.services.test_upload_episode import upload
 
 
 @contextmanager
@@ -27,7 +27,7 @@ def statements(opened):
 
 def test_a_list_of_tasks_reads_no_prediction(scripted):  # noqa: F811
     services = scripted("[]")
-    services.upload_episode(upload("cube"), respond)
+    services.upload_episode(upload("cube"))
     with statements(services.store) as texts:
         response = list_tasks(services)
     assert b'"num_episodes":1' in response.body
@@ -38,7 +38,7 @@ def test_a_page_of_episodes_reads_the_settings_of_its_tasks_alone(scripted, monk
     services = scripted("[]")
     for name in ("other", "another"):
         services.configure_task(name, {})
-    services.upload_episode(upload("cube"), respond)
+    services.upload_episode(upload("cube"))
     validated, validate = [], TaskSettings.model_validate
     monkeypatch.setattr(TaskSettings, "model_validate", lambda value: validated.append(value) or validate(value))
     assert b'"task":"pick"' in list_episodes(services, EpisodesQuery()).body

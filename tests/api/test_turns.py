@@ -43,7 +43,7 @@ def test_no_more_trajectories_are_unpacked_than_episodes_are_taken_in(services, 
     monkeypatch.setattr(episodes, "_read_upload", taking_a_turn(services, SimpleNamespace(task="task")))
     monkeypatch.setattr(episodes, "read_body", given(Body({}, {})))
     monkeypatch.setattr(episodes, "image_work", lambda request: ImageWork())
-    services.upload_episode = lambda upload, respond: {"id": "1", "task": "task"}
+    monkeypatch.setattr(episodes, "_uploaded", lambda services, upload: {"id": "1", "task": "task"})
 
     async def uploads():
         async with asyncio.TaskGroup() as group, services.teaching:

@@ -450,11 +450,6 @@ def _widened(name, what, *steps):
 
 _widened("widened_by_one_upload", "One upload 3 m away", Attack.teach_picks, _upload_far_away)
 _widened("widened_by_the_first_upload", "The first of three, 3.5 m away", _upload_far_away, lambda a: a.teach_picks(2))
-_widened(
-    "widened_by_one_upload_that_was_let_in",
-    "Somebody sets the workspace to `auto` after the one far upload",
-    *(Attack.teach_picks, _upload_far_away, lambda a: a.configure(workspace="auto")),
-)
 
 
 @sequence

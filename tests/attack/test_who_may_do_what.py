@@ -69,7 +69,6 @@ ATTEMPTS = [
     ("pick robot", "GET", "/predictions?task=push", {}, {403}),
     ("pick reader", "GET", "/episodes?task=push", {}, {403}),
     ("pick reader", "GET", "/tasks/push/stats", {}, {403}),
-    ("pick reader", "GET", "/jobs?task=push", {}, {403}),
     ("pick reader", "GET", "/ui/episodes?task=push", {"headers": HTML}, {403}),
     ("pick reader", "GET", "/ui/predictions?task=push", {"headers": HTML}, {403}),
     ("pick reader", "GET", "/ui/tasks/push/check", {"headers": HTML}, {403}),
@@ -163,7 +162,7 @@ def test_refused_requests_change_nothing(tenants: Tenants):
 
 @pytest.mark.parametrize(
     "path",
-    ["/ui/tasks", "/ui/episodes", "/ui/predictions", "/ui/predict", "/jobs", "/tasks", "/episodes"],
+    ["/ui/tasks", "/ui/episodes", "/ui/predictions", "/ui/predict", "/tasks", "/episodes"],
 )
 def test_lists_and_pages_do_not_name_other_tasks(tenants: Tenants, path):
     answer = tenants.clients["pick reader"].get(path)

@@ -100,17 +100,6 @@ def test_an_objects_pose_holds_at_the_beginning(http, taught):
         assert edit(http, id_, {"start_s": 0.45})["num_frames"] == 12
 
 
-def test_the_workspace_follows_what_is_kept(http, taught):
-    far = {**RECORDED, "end_effector_positions": RECORDED["end_effector_positions"].copy()}
-    far["end_effector_positions"][18:, 1] += 0.6
-    id_ = teach(http, far)
-    wide = http.get("/tasks/trimmed").json()["workspace"]
-    edit(http, id_, {"end_s": 0.7})
-    assert http.get("/tasks/trimmed").json()["workspace"]["max"][1] < wide["max"][1]
-    edit(http, id_, None)
-    assert http.get("/tasks/trimmed").json()["workspace"] == wide
-
-
 def test_lists_are_filtered(http, taught):
     def listed(**asked):
         answer = http.get("/episodes", params={"task": "trimmed", **asked})

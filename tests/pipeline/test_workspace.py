@@ -8,6 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.workspace import (
     POSITION_BINS,
+    RLBENCH_MAX_M,
+    RLBENCH_MIN_M,
     ROTATION_BINS,
     Workspace,
     bin_center,
@@ -153,3 +155,27 @@ def test_it_grows_only(first_m, more_m):
 def test_what_stands_on_a_table_gets_most_of_its_room_above():
     box = Workspace.around(np.array([[0.4, 0.0, 0.02], [0.5, 0.1, 0.2]]))
     assert (box.min_m.tolist(), box.max_m.tolist()) == ([-0.05, -0.45, -0.05], [0.95, 0.55, 1.0])
+
+
+def box(*places_m):
+    found = Workspace.of_demonstrations([np.array([place_m]) for place_m in places_m])
+    return found.min_m.tolist(), found.max_m.tolist()
+
+
+def test_a_workspace_is_what_demonstrations_span_at_least_a_meter_wide():
+    assert box((0.3, 0.1, 0.02)) == ([-0.2, -0.4, -0.05], [0.8, 0.6, 1.0])
+    assert box((0.3, 0.1, 0.02), (1.5, 0.1, 0.02)) == ([-0.2, -0.4, -0.05], [1.6, 0.6, 1.0])
+    assert box() == (list(RLBENCH_MIN_M), list(RLBENCH_MAX_M))
+
+
+def test_demonstrations_far_beyond_the_others_are_left_apart():
+    near = [(0.3 + 0.01 * k, 0.1, 0.02) for k in range(4)]
+    for far in ([(300.0, 0.1, 0.02)], [(0.3, -3.0, 0.02), (0.3, -50.0, 0.02)], [(9.0, 0.1, 0.02), (0.3, 0.1, 9.0)]):
+        for places in (near + far, far + near):
+            assert box(*places) == box(*near)
+
+
+def test_no_demonstration_is_odd_beside_half_of_them_or_in_a_wide_task():
+    for wide in ([(0.0, 0.0, 0.0), (9.0, 0.0, 0.0)], [(float(k), 0.0, 0.0) for k in range(9)]):
+        low_m, high_m = box(*wide)
+        assert (low_m[0] < 0.0, high_m[0] > wide[-1][0]) == (True, True)

@@ -14,8 +14,7 @@ STREAM = {"Accept": "text/event-stream"}
 @pytest.fixture(scope="module")
 def service(tmp_path_factory):
     data = tmp_path_factory.mktemp("trouble") / "data"
-    # who looks for jobs every second might wait for the database before the upload does
-    with serving(data, {"ROBOPROMPT_WORK_AT_JOBS": "false"}) as running:
+    with serving(data) as running:
         running.data = data
         yield running
 

@@ -20,10 +20,6 @@ LEFT_M, RIGHT_M, PLATE_M, SPONGE_M, APPLE_M = np.array(
 BESIDE_PLATE_M = PLATE_M + np.array([0, 0.12, 0])
 
 
-def respond(record, settings):
-    return {"id": record.id, "instruction": record.instruction, "uploaded_instruction": record.uploaded_instruction}
-
-
 def queries(bowls_m, plate_m=PLATE_M, sponge_m=SPONGE_M, **others_m):
     named = [*(("bowl", place_m) for place_m in bowls_m), ("plate", plate_m), ("sponge", sponge_m), *others_m.items()]
     return tuple(ObjectQuery(name, tuple(map(float, place_m))) for name, place_m in named)
@@ -48,10 +44,10 @@ def moved(instruction, from_m, to_m, objects):
     ],
 )
 def test_a_demonstration_says_which_one_by_its_words_and_its_hand(store, instruction, from_m, to_m, kept):
-    answer = UploadEpisode(store)(moved(instruction, from_m, to_m, queries((RIGHT_M, LEFT_M), apple=APPLE_M)), respond)
-    assert answer["instruction"] == kept
-    assert answer["uploaded_instruction"] == (None if kept == instruction else instruction)
-    numbered = next(finding for finding in answer["findings"] if finding["code"] == "numbered-by-place")
+    answer = UploadEpisode(store)(moved(instruction, from_m, to_m, queries((RIGHT_M, LEFT_M), apple=APPLE_M)))
+    assert answer.instruction == kept
+    assert answer.uploaded_instruction == (None if kept == instruction else instruction)
+    numbered = next(finding for finding in answer.findings if finding["code"] == "numbered-by-place")
     assert "bowl 1 at (0.30, 0.20, 0.02), bowl 2 at (0.30, -0.20, 0.02)" in numbered["message"]
 
 
@@ -73,7 +69,7 @@ def test_a_demonstration_says_which_one_by_its_words_and_its_hand(store, instruc
 )
 def test_a_demonstration_that_leaves_open_which_one_it_means_is_refused(store, instruction, from_m, to_m, message):
     with pytest.raises(UngroundedInstructionError, match=message):
-        UploadEpisode(store)(moved(instruction, from_m, to_m, queries((LEFT_M, RIGHT_M), apple=APPLE_M)), respond)
+        UploadEpisode(store)(moved(instruction, from_m, to_m, queries((LEFT_M, RIGHT_M), apple=APPLE_M)))
 
 
 def left(bowls_m, plate_m):
@@ -128,7 +124,7 @@ def services(nearest):
         scene = queries(bowls_m, plate_m, sponge_m)
         upload = moved(f"put {phrase} on the sponge", bowls_m[which(bowls_m, plate_m)], sponge_m, scene[::-1])
         try:
-            services.upload_episode(upload, respond)
+            services.upload_episode(upload)
         except UngroundedInstructionError:
             continue  # nearly alike
         if (taught := taught + 1) == 10:
@@ -199,6 +195,6 @@ def test_objects_that_no_place_numbers_are_refused(services, objects, options, m
 
 
 def test_a_task_of_one_bowl_says_that_it_has_one(nearest):
-    nearest.upload_episode(moved("put the bowl on the sponge", LEFT_M, SPONGE_M, queries((LEFT_M,))), respond)
+    nearest.upload_episode(moved("put the bowl on the sponge", LEFT_M, SPONGE_M, queries((LEFT_M,))))
     with pytest.raises(ObjectSetError, match="given twice: bowl, of which demonstrations have one"):
         grasped_m(nearest, "the left bowl", queries((LEFT_M, RIGHT_M)))

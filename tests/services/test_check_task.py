@@ -4,14 +4,14 @@ import gc
 import weakref
 
 from app.services.teach import check
-from tests.services.test_upload_episode import respond, upload
+from tests.services.test_upload_episode import upload
 
 
 def test_a_check_that_is_kept_holds_no_trajectories(scripted, monkeypatch):
     """Those of 32 tasks with 30 long recordings each would be gigabytes."""
     services, read, trajectories = scripted("[]"), check.recordings_of, []
     for _ in range(3):
-        services.upload_episode(upload("cube"), respond)
+        services.upload_episode(upload("cube"))
 
     def watched(*arguments):
         found = read(*arguments)

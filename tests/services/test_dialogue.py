@@ -21,7 +21,7 @@ from roboprompt_client.errors import InvalidInputError
 from tests.episodes import pick_trajectory
 from tests.services.conftest import with_options
 from tests.services.test_predict_actions import ask, recorded
-from tests.services.test_upload_episode import respond, upload
+from tests.services.test_upload_episode import upload
 
 ROW = "[50, 50, 20, 0, 36, 36, 1]"
 RELATIVE = " 1 A w: +0 +0 +20 0 36 36 1; 2 A w: +0 +0 +0 0; 3 A w: +0 +0 +30 0\n"
@@ -33,7 +33,7 @@ REQUEST = PredictRequest("pick", "pick up the cube", CUBE, options=PredictOption
 def taught(scripted):
     def wire(*replies, **options):
         services = scripted(*replies, **options)
-        services.upload_episode(upload("cube"), respond)
+        services.upload_episode(upload("cube"))
         return services
 
     return wire
@@ -110,9 +110,7 @@ def test_what_stands_in_the_way_is_a_finding_of_answer_record_and_stream(scripte
     services = scripted(RELATIVE)
     for place_m in ((0.1, 0.1, 0.78), (0.15, 0.0, 0.78), (0.2, -0.1, 0.78)):
         objects = (ObjectQuery("cube", place_m), ObjectQuery("vase", (0.2, 0.3, 0.93)))
-        services.upload_episode(
-            Upload("pick", Episode("pick up the cube", pick_trajectory(place_m)), objects, {}), respond
-        )
+        services.upload_episode(Upload("pick", Episode("pick up the cube", pick_trajectory(place_m)), objects, {}))
     asked = replace(REQUEST, objects=(*CUBE, ObjectQuery("vase", vase_m)))
     dangers = [finding for finding in ask(services, asked).findings if finding.where == "objects[vase]"]
     assert [finding.code for finding in dangers if finding.severity == "danger"] == codes
@@ -190,7 +188,7 @@ def test_pieces_of_a_reply_that_goes_wrong_come_before_the_error(taught):
 def test_one_part_of_two_that_were_shown_together_is_in_danger(scripted):
     services = scripted(RELATIVE)
     one = upload("cube")
-    services.upload_episode(replace(one, episode=replace(one.episode, instruction=TWICE.instruction)), respond)
+    services.upload_episode(replace(one, episode=replace(one.episode, instruction=TWICE.instruction)))
     codes = [(finding.code, finding.severity) for finding in ask(services, REQUEST).findings]
     assert ("parts-not-shown", "danger") in codes
     assert "parts-not-shown" not in [finding.code for finding in ask(services, TWICE).findings]

@@ -14,7 +14,6 @@ from app.pipeline.plans.turn import WristRange
 from app.services.predict.request import PredictRequest
 from app.services.teach.upload_checks import Upload
 from roboprompt_client.types.poses import EndEffectorAction
-from tests.services.test_upload_episode import respond
 
 from ..pipeline.recordings import DOWN, arrival_s, pick_and_place, resting
 
@@ -55,7 +54,7 @@ def taught(nearest):
         services, random = nearest, np.random.default_rng(3)
         for yaw_deg, hand_deg in zip(taught_deg, cycle(hands_deg)):
             place_m = random.uniform([0.25, -0.3, 0.02], [0.5, -0.05, 0.02])
-            services.upload_episode(demonstration(place_m, yaw_deg, onto_peg=onto_peg, hand_deg=hand_deg), respond)
+            services.upload_episode(demonstration(place_m, yaw_deg, onto_peg=onto_peg, hand_deg=hand_deg))
         if settings:
             services.configure_task("nut", settings)
         return services

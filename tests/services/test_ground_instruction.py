@@ -18,7 +18,6 @@ from roboprompt_client.errors import InvalidInputError
 from tests.episodes import pick_trajectory
 from tests.services.conftest import ONE_ACTION, with_options, written
 from tests.services.test_dialogue import RELATIVE
-from tests.services.test_upload_episode import respond
 
 PLACES_M = {
     "red button": (0.3, 0.3, 0.8), "yellow button": (0.35, 0.1, 0.8), "green button": (0.32, -0.1, 0.8),
@@ -34,7 +33,7 @@ PROFILE = ModelProfile("base", "completion", True, "object_frame", "paper", "b")
 def teach(services):
     for name, place_m in PLACES_M.items():
         episode = Episode(f"push the {name}", pick_trajectory(place_m))
-        services.upload_episode(Upload("push", episode, OBJECTS, {}), respond)
+        services.upload_episode(Upload("push", episode, OBJECTS, {}))
 
 
 @pytest.fixture
@@ -166,7 +165,7 @@ def test_only_what_the_prompt_shows_is_familiar(scripted):
     services = scripted(ONE_ACTION)
     teach(services)
     pull = Episode("pull the red button", pick_trajectory(PLACES_M["red button"]))
-    services.upload_episode(Upload("push", pull, OBJECTS, {}), respond)
+    services.upload_episode(Upload("push", pull, OBJECTS, {}))
     assert "pull the blue button" in asked(question(services, instruction="pull the blue button"))
     with pytest.raises(UnfamiliarInstructionError):
         question(services, instruction="pull the blue button", num_demonstrations=4)

@@ -15,7 +15,6 @@ from app.store import tasks
 
 from ..pipeline.recordings import pick_and_place, resting
 from .conftest import with_options
-from .test_upload_episode import respond
 
 INSTRUCTION = "put the cube on the plate"
 CLUTTER = ("milk", "orange juice", "salad dressing", "basket", "cube box", "tea", "fork", "ramekin")
@@ -43,7 +42,7 @@ def services(nearest):
     """Ten demonstrations beside milk and tea."""
     services, random = nearest, np.random.default_rng(4)
     for _ in range(10):
-        services.upload_episode(recorded(scene(random, "milk", "tea")), respond)
+        services.upload_episode(recorded(scene(random, "milk", "tea")))
     return services
 
 
@@ -107,8 +106,8 @@ def test_a_new_object_on_the_way_is_watched(services):
 
 def test_uploads_may_have_other_bystanders(services):
     random = np.random.default_rng(6)
-    answer = services.upload_episode(recorded(scene(random, "fork", "milk")), respond)
-    assert [finding["code"] for finding in answer["findings"]] == ["other-objects"]
+    answer = services.upload_episode(recorded(scene(random, "fork", "milk")))
+    assert [finding["code"] for finding in answer.findings] == ["other-objects"]
     assert names(services) == ("cube", "plate", "milk")
     usual = predicted(services, scene(np.random.default_rng(5), "milk"))[0]
     assert predicted(services, scene(np.random.default_rng(5), "tea"))[0] == usual
@@ -125,19 +124,19 @@ def test_uploads_may_have_other_bystanders(services):
 )
 def test_an_upload_with_a_new_object_that_matters_is_refused(services, objects, instruction, grasps):
     with pytest.raises(ObjectSetError, match=r"not of this task: .*(fork|Milk)"):
-        services.upload_episode(recorded(scene(np.random.default_rng(6), *objects), instruction, grasps), respond)
+        services.upload_episode(recorded(scene(np.random.default_rng(6), *objects), instruction, grasps))
 
 
 def test_an_upload_without_what_rows_follow_is_refused(services):
     objects = [query for query in scene(np.random.default_rng(6), "milk") if query.name != "cube"]
     with pytest.raises(ObjectSetError, match="missing: cube"):
-        services.upload_episode(recorded(tuple(objects), grasps="plate"), respond)
+        services.upload_episode(recorded(tuple(objects), grasps="plate"))
 
 
 def test_two_demonstrations_do_not_tell_what_may_be_missing(nearest):
     services, random = nearest, np.random.default_rng(4)
     for _ in range(2):
-        services.upload_episode(recorded(scene(random, "milk")), respond)
+        services.upload_episode(recorded(scene(random, "milk")))
     with pytest.raises(ObjectSetError, match="missing: milk"):
         predicted(services, scene(random))
 
@@ -149,5 +148,5 @@ def test_an_upload_that_prompts_leave_out_is_named(services):
     held = np.flatnonzero(~is_open)
     is_open[held[len(held) // 2] :][:12] = True
     trajectory = replace(item.episode.trajectory, gripper_open=is_open)
-    answer = services.upload_episode(replace(item, episode=replace(item.episode, trajectory=trajectory)), respond)
-    assert "left-out" in [finding["code"] for finding in answer["findings"]]
+    answer = services.upload_episode(replace(item, episode=replace(item.episode, trajectory=trajectory)))
+    assert "left-out" in [finding["code"] for finding in answer.findings]

@@ -13,7 +13,7 @@ from app.services.predict.demonstrations import recordings_of
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.store import predictions
 from tests.services.conftest import ONE_ACTION, with_options
-from tests.services.test_upload_episode import respond, upload
+from tests.services.test_upload_episode import upload
 
 CUBE = (ObjectQuery("cube", (0.2, 0.1, 0.8)),)
 REQUEST = PredictRequest("pick", "pick up the cube", CUBE, options=PredictOptions(unsupported="allow"))
@@ -32,7 +32,7 @@ def recorded(store):
 def taught(store, scripted):
     def wire(*replies, **options):
         services = scripted(*replies, **options)
-        services.upload_episode(upload("cube"), respond)
+        services.upload_episode(upload("cube"))
         return services
 
     return wire
@@ -81,7 +81,7 @@ def test_template_is_made_once_per_task_version(taught):
     changed = prefix(services)
     assert changed is not first
     assert changed.cache_key == first.cache_key
-    services.upload_episode(upload("cube"), respond)
+    services.upload_episode(upload("cube"))
     assert prefix(services).cache_key != first.cache_key
 
 

@@ -11,7 +11,7 @@ from app.store.filters import EpisodeFilter
 from roboprompt_client.errors import InvalidInputError
 from tests.services.conftest import with_options, written
 from tests.services.test_predict_actions import REQUEST
-from tests.services.test_upload_episode import respond, upload
+from tests.services.test_upload_episode import upload
 
 CHAT = ModelProfile("chat", "chat", False, "absolute", "paper", "b")
 BASE = ModelProfile("base", "completion", True, "absolute", "paper", "b")
@@ -20,7 +20,7 @@ BASE = ModelProfile("base", "completion", True, "absolute", "paper", "b")
 @pytest.fixture
 def taught(scripted):
     services = scripted("[]")
-    services.upload_episode(upload("cube"), respond)
+    services.upload_episode(upload("cube"))
     return services
 
 

@@ -10,7 +10,6 @@ from app.pipeline.episode import Episode
 from app.services.predict.request import PredictRequest
 from app.services.teach.upload_checks import Upload
 from tests.episodes import rests_at
-from tests.services.test_upload_episode import respond
 
 PUSH = "push the block to the goal"
 BEHIND_M, BEFORE_M, TABLE_M = 0.09, 0.05, 0.8
@@ -33,7 +32,7 @@ def taught(nearest):
         way_m = random.uniform(0.15, 0.3) * np.array([np.cos(angle_rad), np.sin(angle_rad)])
         objects, ways_m = scene(random.uniform(-0.1, 0.1, 2), way_m)
         recorded = rests_at([(0.0, 0.0, 1.2, False), *((*at_m, False) for at_m in ways_m)])
-        nearest.upload_episode(Upload("push", Episode(PUSH, recorded), objects, {}), respond)
+        nearest.upload_episode(Upload("push", Episode(PUSH, recorded), objects, {}))
     return nearest
 
 

@@ -9,7 +9,7 @@ from app.services.predict import known
 from app.services.predict.request import PredictRequest
 from app.store.errors import ConflictError
 from roboprompt_client.types.camera import Camera, RgbdFrame
-from tests.services.test_upload_episode import respond, upload
+from tests.services.test_upload_episode import upload
 
 FRAME = RgbdFrame(Camera("front", 60, 60, 31.5, 23.5, [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
 SEEN = PredictRequest("pick", "pick up the cube", (ObjectQuery("cube", (0.2, 0.1, 0.8)),), (FRAME,))
@@ -18,7 +18,7 @@ SEEN = PredictRequest("pick", "pick up the cube", (ObjectQuery("cube", (0.2, 0.1
 @pytest.fixture
 def services(scripted):
     services = scripted("[]")
-    services.upload_episode(upload("cube"), respond)
+    services.upload_episode(upload("cube"))
     return services
 
 
@@ -38,7 +38,7 @@ def prepare(services, request):
 
 
 def test_no_transaction_waits_for_images(services, monkeypatch):
-    looking(monkeypatch, lambda: services.upload_episode(upload("cube"), respond))
+    looking(monkeypatch, lambda: services.upload_episode(upload("cube")))
     assert len(prepare(services, SEEN).prefix.demonstration_ids) == 2
 
 

@@ -15,7 +15,6 @@ from app.store import tasks
 from app.store.visibility import Visibility, seeing
 from roboprompt_client.errors import InvalidInputError
 from tests.episodes import pick_trajectory
-from tests.services.test_upload_episode import respond
 
 CUP, BOX, BELL = (ObjectQuery(name, (0.3, y_m, 0.8)) for name, y_m in (("cup", 0.2), ("box", 0.0), ("bell", -0.2)))
 TASKS = {
@@ -36,7 +35,7 @@ def services(scripted):
 
 def teach(services, task, instruction, objects):
     episode = Episode(instruction, pick_trajectory(objects[0].position_m))
-    services.upload_episode(Upload(task, episode, objects, {}), respond)
+    services.upload_episode(Upload(task, episode, objects, {}))
 
 
 def test_a_plan_takes_the_tasks_whose_objects_are_there(services):

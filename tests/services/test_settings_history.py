@@ -7,7 +7,7 @@ from app.store import erasure, replaced_settings, tasks
 from app.store.errors import NotFoundError
 from app.store.visibility import Visibility, seeing
 from tests.services.conftest import scripted, store  # noqa: F401  # fixtures
-from tests.services.test_upload_episode import respond, upload
+from tests.services.test_upload_episode import upload
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def test_a_change_is_kept_with_its_author_and_what_undoes_it(services):
 
 
 def test_what_follows_from_episodes_is_no_change_of_settings(services):
-    services.upload_episode(upload("cube"), respond)
+    services.upload_episode(upload("cube"))
     assert history(services) == []
     box = {"min": (-1.0, -1.0, 0.0), "max": (1.0, 1.0, 2.0)}
     services.configure_task("pick", {"workspace": box})

@@ -1,12 +1,13 @@
-import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M
-from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings, WorkspaceSettings
+from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings
 from app.services.task_settings import TaskSettings
-from app.services.teach.workspace import grown
+from app.store import tasks
 from tests.episodes import ur5e
+
+from .test_upload_episode import upload
 
 KEEP_OUT = {"min": (0, 0, 0), "max": (1, 1, 1)}
 BOX = {"min": (-1.0, -1.0, 0.0), "max": (1.0, 1.0, 2.0)}
@@ -73,26 +74,16 @@ def test_a_preset_with_a_box_is_refused():
         TaskSettings.model_validate({"workspace": {"preset": "rlbench", **BOX}})
 
 
-def test_what_a_task_answers_can_be_sent_back():
-    taught = grown(TaskSettings().workspace, np.array([[0.3, 0.1, 0.02]]))
-    current = TaskSettings(workspace=taught, keyframes=KeyframeSettings(rule="uniform", interval=7))
-    back = current.changed(settings(**current.model_dump(mode="json")))
-    assert grown(back.workspace, np.array([[0.3, 0.1, 0.02]])) == taught
-    assert back.keyframes == current.keyframes
-
-
-@pytest.mark.parametrize("preset", [None, "rlbench"])
-def test_only_auto_grows(preset):
-    fixed = WorkspaceSettings(preset=preset)
-    assert grown(fixed, np.array([[5.0, 5.0, 5.0]])) is fixed
-
-
-def test_a_box_that_no_demonstration_shaped_is_not_kept():
-    """RLBench's stands for the untaught: demonstrations at another height get a box around themselves."""
-    first = grown(WorkspaceSettings(preset="auto"), np.array([[0.3, 0.1, 0.02]]))
-    assert (first.min, first.max) == ((-0.2, -0.4, -0.05), (0.8, 0.6, 1.0))
-    further = grown(first, np.array([[1.5, 0.1, 0.02]]))
-    assert (further.min, further.max) == ((-0.2, -0.4, -0.05), (1.6, 0.6, 1.0))
+def test_what_a_task_answers_can_be_sent_back(nearest):
+    for place_m in ((0.3, 0.1, 0.02), (1.4, 0.1, 0.02)):
+        nearest.upload_episode(upload("cube", place_m=place_m))
+    with nearest.store.read() as connection:
+        answered, stored = TaskSettings.of(connection, "pick"), tasks.get(connection, "pick").settings
+    assert (answered.workspace.preset, answered.workspace.max[0] >= 1.5) == ("auto", True)
+    assert answered.changed(settings(**answered.model_dump(mode="json"))).stored() == stored
+    assert stored["workspace"] == {"preset": "auto"}
+    wider = answered.changed({"workspace": {"max": (3.0, 3.0, 3.0)}}).workspace
+    assert (wider.preset, wider.min) == (None, answered.workspace.min)
 
 
 def test_of_an_arm_s_urdf_only_what_is_used_is_kept():

@@ -5,6 +5,7 @@ from dataclasses import asdict
 import numpy as np
 
 from app.perception.base import ObjectQuery
+from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions, tasks
 from app.store.records import EpisodeDraft, PredictionDraft
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
@@ -14,6 +15,7 @@ from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory
 
 TASK = "open_drawer"
 SETTINGS = {"keyframes": {"rule": "merged", "delta_rad_s": 0.1}, "num_demonstrations": 10}
+EXTRACTION_KEYS = TaskSettings.model_validate(SETTINGS).extraction_keys
 
 
 def trajectory(num_frames=30, seed=0, optional_arrays=True):
@@ -59,6 +61,8 @@ def episode_draft(
         instruction=instruction,
         control_frequency_hz=20.0,
         keyframes=tuple(KeyframeRecord.of(index, recorded.action_at(index)) for index in (5, 12, 29)),
+        keyframes_key=EXTRACTION_KEYS.keyframes,
+        poses_key=EXTRACTION_KEYS.poses,
         objects=tuple(object_record(name, seed) for name in names),
         given_objects=tuple({**asdict(ObjectQuery(name)), "mask_ids": [98, 99]} for name in names),
         cameras=cameras,

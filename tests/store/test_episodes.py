@@ -5,14 +5,14 @@ import pytest
 from sqlalchemy import event, update
 
 from app.store import episodes, tables, tasks
-from app.store.errors import ConflictError, CorruptDataError, NotFoundError
+from app.store.errors import CorruptDataError, NotFoundError
 from app.store.filters import EpisodeFilter
 from app.store.records import Extraction
 from app.store.trajectories import get_trajectory
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 from roboprompt_client.types.camera import camera_json
 
-from .drafts import TASK, camera_record, episode_draft, object_record, read, upload, write
+from .drafts import EXTRACTION_KEYS, TASK, camera_record, episode_draft, object_record, read, upload, write
 from .drafts import trajectory as recorded
 
 
@@ -195,29 +195,21 @@ def test_one_index_finds_and_sorts(sqlite_store, ask, plan):
     assert plan_of(sqlite_store, ask) == plan
 
 
-def test_new_extractions_replace_the_old(store):
+def test_new_extractions_replace_the_old_ones_of_other_settings(store):
     kept, *replaced = [upload(store, episode_draft(seed)) for seed in range(3)]
-    new = episode_draft(77)
-    with store.write() as connection:
-        version = tasks.get(connection, TASK).version
-        extractions = [Extraction(episode.id, new.keyframes[:1], new.objects) for episode in replaced]
-        episodes.replace_extractions(connection, TASK, version, extractions)
+    new, keys = episode_draft(77), EXTRACTION_KEYS._replace(keyframes="new")
+    assert read(store, episodes.stale, TASK, EXTRACTION_KEYS) == ()
+    stale = read(store, episodes.stale, TASK, keys, [episode.id for episode in replaced])
+    assert [record.id for record in stale] == [episode.id for episode in replaced]
+    extractions = [Extraction(record.id, new.keyframes[:1], new.objects, keys) for record in stale]
+    write(store, episodes.replace_extractions, extractions)
+    assert [record.id for record in read(store, episodes.stale, TASK, keys)] == [kept.id]
     with store.read() as connection:
-        assert tasks.get(connection, TASK).version == version + 1
         assert episodes.get(connection, kept.id) == kept
         for episode in replaced:
             stored = episodes.get(connection, episode.id)
             assert (stored.keyframes, stored.objects) == (new.keyframes[:1], new.objects)
             assert (stored.given_objects, stored.extra) == (episode.given_objects, episode.extra)
-
-
-def test_extractions_of_a_task_that_changed_meanwhile_are_refused(store):
-    episode = upload(store, episode_draft())
-    version = read(store, tasks.get, TASK).version
-    upload(store, episode_draft(1))
-    with pytest.raises(ConflictError, match="at version 3, no longer 2"), store.write() as connection:
-        episodes.replace_extractions(connection, TASK, version, [Extraction(episode.id, (), ())])
-    assert read(store, episodes.get, episode.id) == episode
 
 
 def test_episodes_without_depth_are_counted(store):

@@ -5,15 +5,13 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import func, select, update
 
-from app.store import erasure, idempotency, jobs, labels, predictions, tables, tasks
+from app.store import erasure, idempotency, labels, predictions, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.labels import LabelRecord
-from app.store.records import Extraction
 
-from .drafts import TASK, camera_record, episode_draft, object_record, predict, prediction_draft, read, upload, write
+from .drafts import TASK, camera_record, episode_draft, predict, prediction_draft, upload, write
 
 OTHER = "close_jar"
-LEASE = timedelta(minutes=1)
 
 
 def remember(store, scope, key, response):
@@ -21,7 +19,7 @@ def remember(store, scope, key, response):
 
 
 def fill(store, task):
-    """An episode, a label, a prediction with an outcome, a job with something staged, the answers to both requests."""
+    """An episode, a label, a prediction with an outcome, the answers to both requests."""
     episode = upload(store, episode_draft(task=task, films={"front": "c" * 64}))
     asked = predict(store, prediction_draft(task))
     remember(store, idempotency.UPLOAD, f"up {task}", {"id": episode.id, "task": task})
@@ -29,22 +27,11 @@ def fill(store, task):
     with store.write() as connection:
         predictions.record_outcome(connection, asked.id, True, "fine")
         labels.add(connection, LabelRecord(task, "drawer", (camera_record(),), {"front": 7}, None, episode.id))
-        jobs.add(connection, task, {})
-    with store.write() as connection:
-        job = jobs.claim(connection, LEASE)
-        extraction = extraction_of(episode.id)
-        jobs.stage(connection, job, [extraction], LEASE)
-
-
-def extraction_of(episode_id):
-    return Extraction(episode_id, (), (object_record("drawer"),))
 
 
 def counts(store):
-    listed = (
-        *(tables.tasks, tables.episodes, tables.labels, tables.predictions, tables.jobs),
-        *(tables.staged_extractions, tables.idempotency_keys, tables.films),
-    )
+    of_task = (tables.tasks, tables.episodes, tables.labels, tables.predictions)
+    listed = (*of_task, tables.idempotency_keys, tables.films)
     with store.read() as connection:
         return {table.name: connection.scalar(select(func.count()).select_from(table)) for table in listed}
 
@@ -64,12 +51,9 @@ def test_a_task_goes_with_all_that_it_holds(store):
 
 def test_what_was_under_way_for_a_deleted_task_is_refused(store):
     fill(store, TASK)
-    job = read(store, jobs.list_page).items[0]
     write(store, erasure.erase_task, TASK)
     with pytest.raises(NotFoundError, match=TASK), store.write() as connection:
         predictions.add(connection, prediction_draft())
-    with pytest.raises(jobs.LostClaimError), store.write() as connection:
-        jobs.stage(connection, job, [extraction_of("a" * 32)], LEASE)
     with pytest.raises(NotFoundError), store.write() as connection:
         erasure.erase_task(connection, TASK)
     assert set(counts(store).values()) == {0}

@@ -24,6 +24,7 @@ from app.perception.films import checked_film
 from app.perception.images import as_image
 from app.pipeline.episode import Episode
 from app.services.container import Services
+from app.services.extract import read_episode
 from app.services.images import stored_film, stored_image
 from app.services.limits import Limits
 from app.services.measures import note
@@ -71,7 +72,7 @@ async def upload_episode(request: Request, services: Wired, idempotency_key: Ide
     async with image_work(request).room(request, body, services.limits) as decode, services.teaching:
         upload = await decode(_read_upload, services.limits, body, idempotency_key)
         note(task=upload.task)
-        document = await run_in_threadpool(services.upload_episode, upload, episode_document)
+        document = await run_in_threadpool(_uploaded, services, upload)
     services.prefix_warmer.changed(document["task"])
     return JSONResponse(document, 201, {"Location": f"/episodes/{document['id']}"})
 
@@ -108,7 +109,7 @@ def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, 
 
 @router.get("/episodes", response_model=EpisodePage, responses=problems(_404="no such task"))
 def list_episodes(services: Wired, query: Annotated[EpisodesQuery, Query()]) -> Response:
-    """Episodes, newest first."""
+    """Episodes, newest first, each as it was extracted last."""
     with services.store.read() as connection:
         if query.task is not None:
             tasks.get(connection, query.task)
@@ -118,13 +119,22 @@ def list_episodes(services: Wired, query: Annotated[EpisodesQuery, Query()]) -> 
     return JSONResponse({"episodes": documents, "next_cursor": page.next_cursor})
 
 
-@router.get("/episodes/{episode_id}", response_model=EpisodeOut, responses=problems(_404="no such episode"))
+@router.get(
+    "/episodes/{episode_id}",
+    response_model=EpisodeOut,
+    responses=problems(_404="no such episode", _422="it cannot be extracted with the task's settings"),
+)
 def get_episode(services: Wired, episode_id: str) -> Response:
-    """One episode with its keyframes and object poses."""
-    with services.store.read() as connection:
-        record = episodes.get(connection, episode_id)
-        settings = TaskSettings.of(connection, record.task)
-    return JSONResponse(episode_document(record, settings))
+    """One episode with its keyframes and object poses, as the task's settings want them."""
+    return JSONResponse(episode_document(*read_episode(services.store, episode_id, strict=True)))
+
+
+def _uploaded(services: Services, upload: Upload) -> JsonObject:
+    return _document(services.store, services.upload_episode(upload).id)
+
+
+def _document(store: Store, episode_id: str) -> JsonObject:
+    return episode_document(*read_episode(store, episode_id))
 
 
 @router.get(
@@ -143,7 +153,7 @@ def get_metadata(services: Wired, episode_id: str) -> Response:
     response_model=EpisodeOut,
     responses=problems(
         _404="no such episode",
-        _409="the task changed meanwhile, or a job extracts its episodes again",
+        _409="the task changed meanwhile",
         _422="a value is not valid, the instruction names no object, or the kept part cannot be extracted",
     ),
 )
@@ -161,14 +171,12 @@ async def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, Fr
 
 
 def _edited(store: Store, episode_id: str, changes: JsonObject) -> JsonObject:
-    record = edit_episode(store, episode_id, changes)
-    with store.read() as connection:
-        return episode_document(record, TaskSettings.of(connection, record.task))
+    return _document(store, edit_episode(store, episode_id, changes).id)
 
 
 @router.delete("/episodes/{episode_id}", status_code=204, responses=problems(_404="no such episode"))
 def delete_episode(services: Wired, episode_id: str) -> Response:
-    """Delete an episode; its images go with the next sweep. A workspace `auto` follows from the others."""
+    """Delete an episode; its images go with the next sweep."""
     task = remove_episode(services.store, episode_id)
     services.prefix_warmer.changed(task)
     return Response(status_code=204)

@@ -1,37 +1,18 @@
-"""Jobs, models, health and metrics. A job is a re-extraction too large for one request."""
+"""Models, health and metrics."""
 
 from collections.abc import Callable
-from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 
 from app.api.decoding import UniqueKeysRoute
 from app.api.documents import answer
-from app.api.routes import Wired, problems
-from app.api.schemas.lists import JobsQuery
-from app.api.schemas.responses import Health, JobOut, JobPage, ModelList, ModelOut
+from app.api.routes import Wired
+from app.api.schemas.responses import Health, ModelList, ModelOut
 from app.llm.base import LanguageModelError
-from app.store import jobs
 from app.store.errors import StoreError
 
 router = APIRouter(route_class=UniqueKeysRoute)
-
-
-@router.get("/jobs", tags=["tasks"], response_model=JobPage)
-def list_jobs(services: Wired, query: Annotated[JobsQuery, Query()]) -> Response:
-    """Jobs, newest first."""
-    with services.store.read() as connection:
-        page = jobs.list_page(connection, query.task, query.limit, query.cursor)
-    return JSONResponse({"jobs": [answer(JobOut, record) for record in page.items], "next_cursor": page.next_cursor})
-
-
-@router.get("/jobs/{job_id}", tags=["tasks"], response_model=JobOut, responses=problems(_404="no such job"))
-def get_job(services: Wired, job_id: str) -> Response:
-    """A job and its progress."""
-    with services.store.read() as connection:
-        record = jobs.get(connection, job_id)
-    return JSONResponse(answer(JobOut, record))
 
 
 @router.get("/models", tags=["models"], response_model=ModelList)

@@ -10,26 +10,24 @@ from fastapi.responses import JSONResponse
 
 from app.api.check_document import check_document
 from app.api.decoding import UniqueKeysRoute
-from app.api.documents import answer, history_document, stats_document, task_document
+from app.api.documents import history_document, stats_document, task_document
 from app.api.image_work import image_work
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
 from app.api.schemas.checks import TaskCheckOut
 from app.api.schemas.objects import LearnBody, LearnedOut, TriedModelOut, TryModelBody
-from app.api.schemas.responses import JobOut
 from app.api.schemas.tasks import SettingsHistory, TaskList, TaskOut, TaskStatsOut
 from app.perception.poses_wire import poses_document
 from app.services.container import Services
+from app.services.extract import reading
 from app.services.task_settings import TaskSettings
 from app.services.teach import learn
 from app.services.teach.history import settings_history
 from app.services.teach.learn import Tried, try_model
 from app.store import episodes, erasure, prediction_lists, tasks
-from app.store.records import JobRecord, TaskRecord
 from app.store.values import JsonObject
 
 _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
-_ACCEPTED: dict[int | str, dict[str, object]] = {202: {"model": JobOut, "description": "a job extracts the episodes"}}
 _EVERYTHING = LearnBody()
 Model = Annotated[str | None, Query(min_length=1, max_length=200, description="name of an LLM to ask as well")]
 
@@ -41,26 +39,23 @@ def list_tasks(services: Wired) -> Response:
     """Every task."""
     with services.store.read() as connection:
         numbers = tasks.num_episodes(connection)
-        documents = [task_document(record, numbers.get(record.name, 0)) for record in tasks.list_all(connection)]
+        documents = [
+            task_document(record, TaskSettings.read(connection, record), numbers.get(record.name, 0))
+            for record in tasks.list_all(connection)
+        ]
     return JSONResponse({"tasks": documents})
 
 
 @router.get("/tasks/{name}", response_model=TaskOut, responses=problems(_404="no such task"))
 def get_task(services: Wired, name: str) -> Response:
-    """A task's settings."""
-    with services.store.read() as connection:
-        record = tasks.get(connection, name)
-    return JSONResponse(_document(services, record))
+    """A task's settings; a workspace `auto` with the box that follows from the present demonstrations."""
+    return JSONResponse(_document(services, name))
 
 
 @router.put(
     "/tasks/{name}",
     response_model=TaskOut,
-    responses=_ACCEPTED
-    | problems(
-        _409="the task changed meanwhile, or a job extracts its episodes again",
-        _422="a setting is not valid, or a stored episode cannot be extracted with it",
-    ),
+    responses=problems(_409="the task changed meanwhile", _422="a setting is not valid"),
 )
 async def configure_task(
     services: Wired,
@@ -73,17 +68,13 @@ async def configure_task(
 ) -> Response:
     """Set the named settings and keep the others; create the task if it is new.
 
-    A change of the keyframe rule, the pose estimator or the object models extracts every stored episode again. If
-    there are many, a job does it (202, see `Location`), and the task stays as it is until the job is done.
+    Where the keyframe rule, the pose estimator or the object models change, each stored episode is extracted again when
+    it is next read. One that cannot be extracted is an error of the request that needs it, e.g. of a prediction.
     """
-    configure = partial(
-        services.configure_task.at_once_or_as_job, name, changes.model_dump(exclude_unset=True), version
-    )
-    outcome = await anyio.to_thread.run_sync(configure, limiter=services.teaching)
-    if isinstance(outcome, JobRecord):
-        return JSONResponse(answer(JobOut, outcome), 202, {"Location": f"/jobs/{outcome.id}"})
+    configure = partial(services.configure_task, name, changes.model_dump(exclude_unset=True), version=version)
+    await anyio.to_thread.run_sync(configure, limiter=services.teaching)
     services.prefix_warmer.changed(name)
-    return JSONResponse(await anyio.to_thread.run_sync(_document, services, outcome))
+    return JSONResponse(await anyio.to_thread.run_sync(_document, services, name))
 
 
 @router.get("/tasks/{name}/history", response_model=SettingsHistory, responses=problems(_404="no such task"))
@@ -96,7 +87,7 @@ def get_history(services: Wired, name: str) -> Response:
 
 @router.delete("/tasks/{name}", status_code=204, responses=problems(_404="no such task"))
 def delete_task(services: Wired, name: str) -> Response:
-    """Delete a task with all that it holds: episodes, predictions, outcomes, jobs, answers to repeated requests.
+    """Delete a task with all that it holds: episodes, predictions, outcomes, answers to repeated requests.
 
     Images that nothing else uses are deleted later. Requests under way for the task fail or create it again.
     """
@@ -144,14 +135,14 @@ async def check_task(services: Wired, name: str, model: Model = None) -> Respons
     responses=problems(
         _404="no such task",
         _409="the task has no episodes, or changed meanwhile",
-        _422="no episode has labels and images, or one cannot be extracted with what was learned",
+        _422="no episode has labels and images",
     ),
 )
 async def learn_object_models(services: Wired, name: str, body: Annotated[LearnBody, Body()] = _EVERYTHING) -> Response:
     """Learn colors, sizes and shapes of the objects from stored episodes, and use them to find the objects.
 
     This needs episodes with RGB-D images and with masks or poses. Afterwards uploads and requests need only images and
-    names. Every stored episode is extracted again; if one cannot be, nothing changes.
+    names. Stored episodes are extracted again when they are next read.
     """
     asked = (services.store, services.configure_task, name, body.objects, body.episodes)
     learned = await anyio.to_thread.run_sync(learn.learn_object_models, *asked, limiter=services.teaching)
@@ -188,7 +179,8 @@ def _tried_document(tried: Tried) -> JsonObject:
     }
 
 
-def _document(services: Services, record: TaskRecord) -> dict[str, object]:
-    with services.store.read() as connection:
-        number, unseen = episodes.number_of(connection, record.name), episodes.number_unseen(connection, record.name)
-    return task_document(record, number, unseen)
+def _document(services: Services, name: str) -> dict[str, object]:
+    with reading(services.store, name, strict=False) as (connection, task, _):
+        settings = TaskSettings.read(connection, task)
+        number, unseen = episodes.number_of(connection, name), episodes.number_unseen(connection, name)
+    return task_document(task, settings, number, unseen)

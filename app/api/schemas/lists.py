@@ -45,10 +45,6 @@ class OfTask(BaseModel):
     task: Annotated[str | None, Field(max_length=64, description="only of this task")] = None
 
 
-class JobsQuery(PageQuery, OfTask):
-    """The query of a list of jobs."""
-
-
 class Filtered(OfTask):
     """What episodes and predictions are filtered by."""
 

@@ -125,27 +125,6 @@ class EpisodePage(BaseModel):
     next_cursor: int | None
 
 
-class JobOut(BaseModel):
-    """The re-extraction of a task's episodes with changed settings, which take effect when it is done."""
-
-    id: str
-    task: str
-    changes: dict[str, Any]
-    status: Literal["queued", "running", "done", "failed"]
-    num_episodes: int
-    num_extracted: int
-    error: str | None
-    created_at: datetime
-    finished_at: datetime | None
-
-
-class JobPage(BaseModel):
-    """Jobs, newest first."""
-
-    jobs: list[JobOut]
-    next_cursor: int | None
-
-
 class ModelOut(BaseModel):
     """An LLM that can be asked."""
 

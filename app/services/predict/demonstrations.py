@@ -25,7 +25,7 @@ from app.services.errors import NoDemonstrationsError
 from app.services.predict.request import PredictOptions
 from app.services.predict.scenes import Ids, Scenes, in_all
 from app.services.task_settings import TaskSettings
-from app.store import episodes, tasks
+from app.store import episodes
 from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord, TaskState
 from app.store.trajectories import get_trajectories
 from roboprompt_client.errors import InvalidInputError
@@ -107,8 +107,8 @@ class TaskVersion:
         settings, workspace, limits: the validated settings, and what follows from them.
     """
 
-    def __init__(self, task: TaskRecord) -> None:
-        self.settings = TaskSettings.model_validate(task.settings)
+    def __init__(self, connection: Connection, task: TaskRecord) -> None:
+        self.settings = TaskSettings.read(connection, task)
         self.workspace = self.settings.workspace.workspace()
         self.limits = self.settings.limits_of_motion()
         self.scenes: Scenes | None = None  # 10,000 of three objects take 1 MB
@@ -118,20 +118,17 @@ class TaskVersion:
 
 
 class TaskReading:
-    """A task in the transaction of `connection`.
+    """A task in the transaction of `connection`, its demonstrations as its settings want them.
 
     Attributes:
         record: as it is stored.
         kept: of its version.
-
-    Raises:
-        NotFoundError: if there is no such task.
     """
 
-    def __init__(self, connection: Connection, name: str, kept: Cache[TaskState, TaskVersion]) -> None:
-        self.record = task = tasks.get(connection, name)
-        self.kept = kept.get_or_make(task.state, lambda: TaskVersion(task))
-        self._connection = connection
+    def __init__(self, connection: Connection, task: TaskRecord, kept: Cache[TaskState, TaskVersion]) -> None:
+        self.record = task
+        self.kept = kept.get_or_make(task.state, lambda: TaskVersion(connection, task))
+        self.connection = connection
         self._read: dict[Ids, Sequence[Recording]] = {}
 
     def selected(self, options: PredictOptions, objects: Sequence[ObjectPose]) -> Demonstrations:
@@ -148,7 +145,7 @@ class TaskReading:
         return self.demonstrations(self._scenes.selected(options, number, objects))
 
     def _require_shown(self, ids: Ids) -> None:
-        left_out = episodes.left_out_of(self._connection, ids)
+        left_out = episodes.left_out_of(self.connection, ids)
         for number, id_ in enumerate(ids):
             if id_ in left_out:
                 remedy = f'others, or PATCH /episodes/{id_} with {{"left_out": false}}'
@@ -157,7 +154,7 @@ class TaskReading:
     @property
     def _scenes(self) -> Scenes:
         if self.kept.scenes is None:
-            self.kept.scenes = Scenes.read(self._connection, self.record.name)
+            self.kept.scenes = Scenes.read(self.connection, self.record.name)
         return self.kept.scenes
 
     def demonstrations(self, ids: Ids) -> Demonstrations:
@@ -175,8 +172,8 @@ class TaskReading:
 
     def _recordings(self, ids: Ids) -> Sequence[Recording]:
         if ids not in self._read:
-            records = episodes.demonstrations_by_id(self._connection, self.record.name, ids)
-            self._read[ids] = recordings_of(self._connection, records, self.kept.settings)
+            records = episodes.demonstrations_by_id(self.connection, self.record.name, ids)
+            self._read[ids] = recordings_of(self.connection, records, self.kept.settings)
         return self._read[ids]
 
     @property
@@ -218,7 +215,7 @@ class TaskReading:
             raise NoDemonstrationsError(self.record.name)
         known, settings = self.demonstrations(ids), self.kept.settings
         recorded = known.recorded if from_start else tuple(replace(item, start=None) for item in known.recorded)
-        records = episodes.by_ids(self._connection, self.record.name, ids)
+        records = episodes.by_ids(self.connection, self.record.name, ids)
         return Taught(
             recorded,
             several_ways=settings.ways == "several",

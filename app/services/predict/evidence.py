@@ -4,12 +4,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from sqlalchemy import Connection
 
 from app.pipeline.deviation import ActionDeviation, ObjectReach, action_deviations, object_reach
 from app.pipeline.episode import Demonstration, start_at
-from app.services.predict.demonstrations import Demonstrations
-from app.services.predict.known import KnownReader
+from app.services.predict.demonstrations import Demonstrations, TaskReading
 from app.services.predict.placed import previewed
 from app.services.predict.scenes import in_all
 from app.services.task_settings import TaskSettings
@@ -31,11 +29,8 @@ class Explanation:
     deviations: tuple[ActionDeviation, ...]
 
 
-def explanation(
-    connection: Connection, known: KnownReader, record: PredictionRecord, ids: Sequence[str]
-) -> Explanation:
+def explanation(task: TaskReading, record: PredictionRecord, ids: Sequence[str]) -> Explanation:
     """Compare a prediction with those of its demonstrations that are still stored, of these ids."""
-    task = known.task(connection, record.task)
     objects = task.folded([item.pose() for item in record.objects])
     return explain_prediction(record, objects, task.demonstrations(tuple(ids)))
 

@@ -1,6 +1,7 @@
 """Reads what a request needs: the observed scene, and in one transaction the task, its settings and demonstrations."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from app.pipeline.findings.units import check_meters, check_scene_units
 from app.pipeline.names import check_object_names
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
+from app.services.extract import reading
 from app.services.images import check_colors
 from app.services.measures import timed
 from app.services.poses import PoseServers, poses_of
@@ -82,9 +84,7 @@ class KnownReader:
             InvalidInputError, ObjectSetError: if the observation does not fit the task.
         """
         looked_with, poses = self._look(request) if request.frames else (None, ())
-        with self._store.read() as connection:
-            with timed("read"):
-                task = self.task(connection, request.task)
+        with self.reading(request.task) as task:
             record, kept = task.record, task.kept
             kept.limits.require_start(request.end_effector)
             if request.end_effector is not None:
@@ -129,7 +129,8 @@ class KnownReader:
         with timed("read"), self._store.read() as connection:
             record = tasks.get(connection, request.task)
             newest = episodes.list_page(connection, EpisodeFilter(task=request.task), 1).items
-        task, usual = TaskVersion(record), (camera for episode in newest for camera in episode.cameras)
+            task = TaskVersion(connection, record)
+        usual = (camera for episode in newest for camera in episode.cameras)
         self._pose_servers.check(task.settings.object_models)
         with timed("poses"):
             check_colors(self._store.blobs, usual, request.frames)
@@ -154,13 +155,22 @@ class KnownReader:
         check_scene_units([pose for pose in poses if pose.name in names], task.workspace)
         return poses
 
-    def task(self, connection: Connection, name: str) -> TaskReading:
-        """Return a task in the transaction of `connection`; raises NotFoundError."""
-        return TaskReading(connection, name, self._kept)
+    @contextmanager
+    def reading(self, name: str, *, strict: bool = True) -> Iterator[TaskReading]:
+        """Yield a task in a read transaction; raises as `app.services.extract.reading`."""
+        with ExitStack() as stack:
+            with timed("read"):
+                now = stack.enter_context(reading(self._store, name, fresh=self._kept, strict=strict))
+                # what is read of episodes that are not as the settings want them is not kept
+                task = TaskReading(now.connection, now.task, Cache(1) if now.refused else self._kept)
+            yield task
 
     def limits(self, connection: Connection, task: str) -> MotionLimits:
         """Return the task's present limits of motion; raises NotFoundError if there is no such task."""
-        return self.task(connection, task).kept.limits
+        record = tasks.get(connection, task)
+        if record.state in self._kept:
+            return TaskReading(connection, record, self._kept).kept.limits
+        return TaskSettings.read(connection, record).limits_of_motion()
 
     def present_limits(self, task: str) -> MotionLimits:
         """The same in a transaction of its own."""
@@ -174,8 +184,7 @@ class KnownReader:
             as `__call__` for such a request.
         """
         options = PredictOptions()
-        with self._store.read() as connection:
-            task = self.task(connection, task_name)
+        with self.reading(task_name) as task:
             style = PromptStyle.of(options, task.kept.settings, self.profile_of(None))
             task.taught(style.from_start)  # refuses a task without demonstrations
             return task.selected(options, ()), task.kept.settings, style

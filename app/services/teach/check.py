@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import anyio
 import anyio.to_thread
+from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
@@ -17,11 +18,12 @@ from app.pipeline.findings import Finding
 from app.pipeline.plans.symmetry import folded, shown_symmetries, symmetry_findings
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
+from app.services.extract import reading
 from app.services.predict.demonstrations import recordings_of
 from app.services.predict.record import Prediction
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.task_settings import TaskSettings
-from app.store import episodes, tasks
+from app.store import episodes
 from app.store.records import TaskRecord, TaskState
 from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError, UnsafeActionError
@@ -88,6 +90,7 @@ class CheckTask:
         Raises:
             NotFoundError: if there is no such task.
             NoDemonstrationsError: if it has no episode.
+            InvalidInputError: naming an episode that cannot be extracted with the task's settings.
         """
         return self._read(task).checked
 
@@ -108,25 +111,8 @@ class CheckTask:
         return replace(read.checked, model=model, replies=replies, findings=findings)
 
     def _read(self, name: str) -> _Read:
-        with self._store.read() as connection:
-            task = tasks.get(connection, name)
-        with self._one_at_a_time:
-            return self._kept.get_or_make(task.state, lambda: self._made(task))
-
-    def _made(self, task: TaskRecord) -> _Read:
-        settings = TaskSettings.model_validate(task.settings)
-        with self._store.read() as connection:
-            records = episodes.demonstrations(connection, task.name, MAX_CHECKED)
-            given = recordings_of(connection, records, settings)
-            num_episodes = episodes.number_of(connection, task.name, left_out=False)
-        if not records:
-            raise NoDemonstrationsError(task.name)
-        symmetries = shown_symmetries(given, settings.yaw_symmetry_deg)
-        recordings = folded(given, symmetries)
-        check = check_demonstrations(recordings)
-        demonstrations = tuple(recording.demonstration for recording in recordings)
-        findings = (*check.findings, *symmetry_findings(symmetries))
-        return _Read(settings, demonstrations, CheckedTask(task.name, num_episodes, check, findings))
+        with self._one_at_a_time, reading(self._store, name, fresh=self._kept) as now:
+            return self._kept.get_or_make(now.task.state, lambda: _checked(now.connection, now.task))
 
     async def _replies(self, task: str, model: str, read: _Read) -> tuple[ReplyCheck, ...]:
         """Return the model's replies for the first demonstrations that prompts show; each prompt shows the others."""
@@ -148,6 +134,21 @@ class CheckTask:
         except REFUSALS as error:
             return ReplyCheck(episode.id, None, problem=str(error))
         return check_reply(episode, [item.action for item in prediction.reply.actions])
+
+
+def _checked(connection: Connection, task: TaskRecord) -> _Read:
+    settings = TaskSettings.read(connection, task)
+    records = episodes.demonstrations(connection, task.name, MAX_CHECKED)
+    if not records:
+        raise NoDemonstrationsError(task.name)
+    given = recordings_of(connection, records, settings)
+    symmetries = shown_symmetries(given, settings.yaw_symmetry_deg)
+    recordings = folded(given, symmetries)
+    check = check_demonstrations(recordings)
+    findings = (*check.findings, *symmetry_findings(symmetries))
+    num_episodes = episodes.number_of(connection, task.name, left_out=False)
+    demonstrations = tuple(recording.demonstration for recording in recordings)
+    return _Read(settings, demonstrations, CheckedTask(task.name, num_episodes, check, findings))
 
 
 def _request(task: str, model: str, demonstration: Demonstration, others: Sequence[str]) -> PredictRequest:

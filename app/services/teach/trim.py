@@ -14,8 +14,8 @@ from app.pipeline.findings.units import check_recording
 from app.pipeline.keyframes import Motion
 from app.pipeline.thresholds import GRASPED_M
 from app.services.compared import compared
+from app.services.extract import keyframes_of
 from app.services.task_settings import TaskSettings
-from app.services.teach.extract import extract_again
 from app.services.teach.upload_checks import MAX_COMPARED
 from app.store import episodes
 from app.store.records import EpisodeRecord, Extraction
@@ -57,7 +57,7 @@ def trimmed(
     motion = settings.motion_of(part, record.control_frequency_hz)
     given = GivenPoses().estimate([query for query in queries if query.position_m is not None], ())
     check_recording(motion, given, [item.camera() for item in record.cameras])
-    extraction = extract_again(store, record, settings, part)
+    extraction = Extraction(record.id, keyframes_of(motion, settings), record.objects, settings.extraction_keys)
     demonstration = replace(new, keyframes=extraction.keyframes, objects=extraction.objects).demonstration()
     findings = upload_findings(
         demonstration,

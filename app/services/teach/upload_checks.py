@@ -4,7 +4,7 @@ An episode may lack objects of its task, or have further ones, where no motion d
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from sqlalchemy import Connection
@@ -25,11 +25,13 @@ from app.pipeline.order.numbered import with_numbers
 from app.pipeline.order.order import Order
 from app.pipeline.plans.recording import Recording
 from app.pipeline.thresholds import GRASPED_M
+from app.services.extract import reading
 from app.services.predict.demonstrations import Demonstrations, recordings_of
 from app.services.task_settings import TaskSettings
-from app.services.teach.workspace import NUM_FIRST
 from app.store import episodes, tasks
+from app.store.errors import NotFoundError
 from app.store.records import DemonstrationRecord, TaskRecord
+from app.store.store import Store
 from app.store.values import JsonObject
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array, settle
@@ -109,44 +111,32 @@ class StoredTask:
     recordings: Sequence[Recording] | None = None
 
     @classmethod
-    def read(cls, connection: Connection, upload: Upload) -> "StoredTask":
-        name = upload.task
-        if (task := tasks.find(connection, name)) is None:
+    def read(cls, store: Store, upload: Upload) -> "StoredTask":
+        try:
+            with reading(store, upload.task, strict=False) as now:
+                return cls._read(now.connection, now.task, upload)
+        except NotFoundError:
             by_masks = all(query.position_m is None and query.mask_ids for query in upload.objects)
             settings = TaskSettings(pose_estimator="masks" if by_masks else "given")
-            return cls(name, True, settings.model_dump(mode="json"), settings)
-        settings = TaskSettings.model_validate(task.settings)
-        shown = episodes.demonstrations(connection, name, MAX_COMPARED)
+            return cls(upload.task, True, settings.stored(), settings)
+
+    @classmethod
+    def _read(cls, connection: Connection, task: TaskRecord, upload: Upload) -> "StoredTask":
+        settings = TaskSettings.read(connection, task)
+        shown = episodes.demonstrations(connection, task.name, MAX_COMPARED)
         own, sent = set(task.object_names or ()), set(upload.object_names)
         partly = own != sent and not own.isdisjoint(sent)
         recordings = recordings_of(connection, shown, settings) if partly else None
-        return cls(name, False, task.settings, settings, task.object_names, shown, recordings)
+        return cls(task.name, False, task.settings, settings, task.object_names, shown, recordings)
 
-    def locked(self, connection: Connection) -> "StoredTask | None":
-        """Lock the task and return it as it is now, or None where the episode must be extracted again.
-
-        That is: where the task was deleted, or its objects or a setting that extraction depends on changed. Another
-        upload may have changed its workspace and first demonstrations; the same object says that none has.
-        """
+    def is_unchanged(self, connection: Connection) -> bool:
+        """Lock the task, created if it is new; return whether its settings and objects are still as they were read."""
         task: TaskRecord | None
         if self.is_new:
             task = tasks.get_or_create(connection, self.name, self.stored)
         else:
             task = tasks.find(connection, self.name, lock=True)
-        if task is None or task.object_names != self.object_names:
-            return None
-        if _without_workspace(task.settings) != _without_workspace(self.stored):
-            return None
-        first = episodes.demonstrations(connection, self.name, NUM_FIRST)
-        if (task.settings, first) == (self.stored, self.demonstrations[:NUM_FIRST]):
-            return self
-        settings = TaskSettings.model_validate(task.settings)
-        return replace(self, stored=task.settings, settings=settings, demonstrations=first)
-
-
-def _without_workspace(settings: JsonObject) -> JsonObject:
-    """Return the settings that extraction depends on: all but the workspace, which uploads widen."""
-    return {name: value for name, value in settings.items() if name != "workspace"}
+        return task is not None and (task.settings, task.object_names) == (self.stored, self.object_names)
 
 
 @dataclass(frozen=True, eq=False)

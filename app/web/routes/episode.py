@@ -18,6 +18,7 @@ from app.llm.base import LanguageModelError
 from app.pipeline.keyframes import Motion, RuleName
 from app.pipeline.representation.base import usual_format
 from app.services.container import Services
+from app.services.extract import read_episode
 from app.services.images import read_frame, stored_film
 from app.services.setting_parts import KeyframeSettings
 from app.services.task_settings import TaskSettings
@@ -58,10 +59,9 @@ class _Recording:
 
 
 def _recording(services: Services, episode_id: str) -> _Recording:
+    record, settings = read_episode(services.store, episode_id)
     with services.store.read() as connection:
-        record = episodes.get(connection, episode_id)
         task, trajectory = tasks.get(connection, record.task), get_trajectory(connection, episode_id)
-    settings = TaskSettings.model_validate(task.settings)
     return _Recording(record, task, settings, settings.motion_of(trajectory, record.control_frequency_hz))
 
 
@@ -169,8 +169,8 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
         where = f"{out}Not among the first {len(ids)} demonstrations, {usually}; so it would be read after them."
         ids.append(record.id)
     representation, prompt_format, whose = _usual_style(services, settings)
-    with services.store.read() as connection:
-        demonstrations = services.known.task(connection, record.task).demonstrations(tuple(ids)).shown
+    with services.known.reading(record.task) as task:
+        demonstrations = task.demonstrations(tuple(ids)).shown
     texts = episode_texts(demonstrations, ids.index(record.id), settings, representation, prompt_format)
     return texts, f"{where} {whose}"
 

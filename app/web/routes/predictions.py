@@ -83,8 +83,8 @@ def _cursor(text: str) -> ListCursor | None:
 @router.get("/ui/predictions/{prediction_id}")
 def prediction_page(request: Request, services: Wired, prediction_id: str) -> Response:
     """One prediction: what was asked, what came, what deserves a look."""
+    view = view_prediction(services.store, services.known, prediction_id)
     with services.store.read() as connection:
-        view = view_prediction(connection, services.known, prediction_id)
         corrections = episodes.corrections_of(connection, prediction_id)
     return render(request, "prediction.html", view=view, corrections=corrections)
 
@@ -92,8 +92,7 @@ def prediction_page(request: Request, services: Wired, prediction_id: str) -> Re
 @documents.get("/ui/predictions/{prediction_id}/result")
 def prediction_result(request: Request, services: Wired, prediction_id: str) -> Response:
     """The parts of the page that tell the result, and the scene."""
-    with services.store.read() as connection:
-        view = view_prediction(connection, services.known, prediction_id)
+    view = view_prediction(services.store, services.known, prediction_id)
     root = request.scope.get("root_path", "")
     verdict, html = (render_part(f"prediction_{part}.html", view=view, root=root) for part in ("verdict", "result"))
     return JSONResponse({"verdict": verdict, "html": html, "scene": view.scene}, headers=HEADERS)

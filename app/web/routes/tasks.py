@@ -17,6 +17,7 @@ from app.api.schemas.examples import SAMPLE, SAMPLE_FILES
 from app.api.schemas.lists import EpisodesQuery
 from app.llm.computed import YARDSTICKS
 from app.services.container import Services
+from app.services.extract import reading
 from app.services.task_settings import TaskSettings
 from app.services.teach.history import settings_history
 from app.store import episodes, prediction_lists, tables, tasks
@@ -75,8 +76,8 @@ def _contains(record: TaskRecord, text: str) -> bool:
 @router.get("/ui/tasks/{name}")
 def task_page(request: Request, services: Wired, name: str, applied: bool = False) -> Response:
     """Where the task was shown and asked, and its settings as a form."""
-    with services.store.read() as connection:
-        task = tasks.get(connection, name)
+    with reading(services.store, name, strict=False) as (connection, task, _):
+        settings = TaskSettings.read(connection, task)
         history = settings_history(connection, name)
         newer = episodes.list_page(connection, EpisodeFilter(task=name), MAX_DRAWN).items
         others = () if YARDSTICKS.issuperset(prediction_lists.models(connection)) else tuple(YARDSTICKS)
@@ -85,7 +86,6 @@ def task_page(request: Request, services: Wired, name: str, applied: bool = Fals
         success = prediction_lists.counts_by_configuration(connection, name)
     newest = next(iter(newer), None)
     pictured = next((record for record in newer if any(camera.has_rgbd for camera in record.cameras)), None)
-    settings = TaskSettings.model_validate(task.settings)
     workspace = settings.workspace
     shown = [item for record in newer for item in record.objects]
     own = {"min": workspace.min, "max": workspace.max}
