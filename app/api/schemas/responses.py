@@ -1,4 +1,4 @@
-"""Answers about episodes, jobs and models.
+"""Answers about episodes and models.
 
 Routes build these documents themselves (`app.api.documents`); a test compares them with these models.
 """
