@@ -166,16 +166,8 @@ def prediction_document(prediction: Prediction) -> JsonObject:
         "reply_text": reply.text or "",
         "usage": dict(vars(reply.usage)),
         "timings_ms": prediction.timings_ms,
-        "samples": _samples(reply.samples),
         "findings": [finding.to_json() for finding in prediction.findings],
     }
-
-
-def _samples(samples: Sequence[JsonObject] | None) -> JsonObject | None:
-    """A `SamplesOut`."""
-    if samples is None:
-        return None
-    return {"asked": len(samples), "used": sum(sample["used"] for sample in samples), "replies": list(samples)}
 
 
 def dry_run_document(question: Question) -> JsonObject:
@@ -206,7 +198,6 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "cameras": [item.name for item in record.cameras],
         "usage": record.tokens,
         "timings_ms": record.timings_ms,
-        "samples": _samples(record.samples),
         "findings": list(record.findings),
         "request": record.request,
         "outcome": outcome,

@@ -1,23 +1,15 @@
-"""The LLM's reply -> actions, whole or in pieces; several replies -> the one that most others agree with.
+"""The LLM's reply -> actions, whole or in pieces.
 
 A reply that does not parse is an error. It is never repaired.
 """
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.reasoning import DELIMITER
 from app.pipeline.representation.base import Codec
-from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.motion.limits import USUAL_ACTIONS
-from roboprompt_client.types import quaternions
-from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
 MAX_REPLY_CHARS = 100_000
@@ -89,66 +81,3 @@ def _same(a: EndEffectorAction, b: EndEffectorAction) -> bool:
         and np.allclose(a.quaternion_xyzw, b.quaternion_xyzw, rtol=0, atol=ROUNDING)
         and a.gripper_open == b.gripper_open
     )
-
-
-@dataclass(frozen=True)
-class Consensus:
-    """The sample that is the answer, and those that agree with it.
-
-    Attributes:
-        chosen: its index.
-        alike: the indices of the samples whose actions are nearly the same, the chosen one among them.
-    """
-
-    chosen: int
-    alike: tuple[int, ...]
-
-
-def consensus(samples: Sequence[Sequence[EndEffectorAction] | None]) -> Consensus:
-    """The medoid of the largest cluster of samples: the one that differs least from those that do the same.
-
-    It is a reply that was said as a whole. A mean or median of several is not: of two ways round an obstacle it goes
-    through it. Of clusters that are equally large the one that differs less within counts.
-
-    Args:
-        samples: the actions of each reply; None for a reply that was not a list of valid actions.
-
-    Raises:
-        ReplyParseError: unless more than half of the samples are valid and have the same number of actions.
-    """
-    lengths = Counter(len(actions) for actions in samples if actions is not None)
-    length, votes = lengths.most_common(1)[0] if lengths else (0, 0)
-    if 2 * votes <= len(samples):
-        said = ", ".join("invalid" if actions is None else str(len(actions)) for actions in samples)
-        message = f"no more than half of the {len(samples)} samples have the same number of actions ({said})"
-        raise ReplyParseError(message, "")
-    agreeing = {k: actions for k, actions in enumerate(samples) if actions is not None and len(actions) == length}
-    places, apart_m = list(agreeing), _apart_m(list(agreeing.values()))
-    sums_m = {
-        (*cluster,): apart_m[np.ix_(cluster, cluster)].sum(axis=1) for cluster in _clusters(apart_m <= SAME_WAY_M)
-    }
-    largest = min(sums_m, key=lambda cluster: (-len(cluster), sums_m[cluster].sum()))
-    medoid = largest[int(sums_m[largest].argmin())]
-    return Consensus(places[medoid], tuple(places[k] for k in largest))
-
-
-def _apart_m(replies: Sequence[Sequence[EndEffectorAction]]) -> Array:
-    """(N, N) how far replies with equally many actions differ where they differ most; rotations weigh in as meters.
-
-    Replies that do otherwise with the gripper are infinitely far from each other.
-    """
-    positions_m = np.array([[action.position_m for action in reply] for reply in replies])
-    turns = np.array([[action.quaternion_xyzw for action in reply] for reply in replies])
-    states = np.array([[action.gripper_open for action in reply] for reply in replies])
-    off_m = np.linalg.norm(positions_m[:, None] - positions_m[None], axis=3)
-    off_m += M_PER_RAD * quaternions.angles_rad(turns[:, None], turns[None])
-    off_m[states[:, None] != states[None]] = np.inf
-    apart_m: Array = off_m.max(axis=2)
-    np.fill_diagonal(apart_m, 0.0)
-    return apart_m
-
-
-def _clusters(near: np.ndarray) -> list[list[int]]:
-    """The indices that are linked to each other by steps between near ones."""
-    number, labels = connected_components(near, directed=False)
-    return [np.flatnonzero(labels == label).tolist() for label in range(number)]

@@ -21,7 +21,7 @@ _TASKS, _EPISODES, _PREDICTIONS, _LABELS = tables.tasks, tables.episodes, tables
 _KEYS = tables.idempotency_keys
 BATCH = 500  # predictions in a transaction: others want to write, too
 logger = logging.getLogger(__name__)
-_TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "samples", "objects")
+_TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "objects")
 
 
 def erase_prediction(connection: Connection, prediction_id: str) -> None:

@@ -74,7 +74,6 @@ class Configuration:
     prompt_format: str
     selection: str | None  # None where the request named its episodes
     num_demonstrations: int
-    num_samples: int
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,6 @@ _CONFIGURATION = (
     _P.c.prompt_format.label("prompt_format"),
     case((_NAMED.is_(None), func.coalesce(_SELECTED, "first")), else_=None).label("selection"),
     num_demonstrations.label("num_demonstrations"),
-    func.coalesce(func.json_array_length(_P.c.samples), 1).label("num_samples"),
 )
 
 
@@ -110,5 +108,5 @@ def counts_by_configuration(connection: Connection, task: str) -> dict[Configura
     counted = (func.count().filter(item) for item in (_P.c.status != "ok", outcome.is_(True), outcome.is_(False)))
     query = of_visible_predictions(select(*_CONFIGURATION, func.count(), *counted), task).group_by(*_CONFIGURATION)
     rows = connection.execute(query.order_by(func.count().desc(), *_CONFIGURATION[:2]))
-    found = ((Configuration(*row[:6]), Counts(*row[6:])) for row in rows)
+    found = ((Configuration(*row[:5]), Counts(*row[5:])) for row in rows)
     return dict(sorted(found, key=lambda item: item[1].rate.interval[0], reverse=True))

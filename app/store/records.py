@@ -192,7 +192,6 @@ class PredictionDraft(_AskedPrediction):
         request: as the caller sent it.
         reply_text: None if the model gave none; `actions` None if the reply had none.
         cameras: with the images that were sent, if any.
-        samples: where several replies were asked for, each of them and whether it entered.
         grounding: how the instruction was understood (`Grounded.to_json`).
     """
 
@@ -206,7 +205,6 @@ class PredictionDraft(_AskedPrediction):
     timings_ms: JsonObject
     grounding: JsonObject
     cameras: tuple[CameraRecord, ...] = ()
-    samples: tuple[JsonObject, ...] | None = None
 
     @property
     def tokens(self) -> dict[str, int]:

@@ -108,7 +108,6 @@ predictions = Table(
     Column("prompt_user", Text, nullable=False),
     Column("reply_text", Text),
     Column("actions", Items()),
-    Column("samples", Items()),
     Index(None, "task", "sequence"),
     Index(None, "key_id", "sequence"),
     sqlite_autoincrement=True,

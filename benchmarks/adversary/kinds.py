@@ -132,7 +132,6 @@ WRONG: Mapping[str, Kind] = {
     "one asked for, names swapped in half": Kind(
         whole.asking(in_half(of_recordings(objects.swapped)), num_demonstrations=1)
     ),
-    "five samples, hand shifted in half": Kind(whole.asking(in_half(recordings.hand_shifted), num_samples=5)),
     "object seen where another is in question": Kind(in_question(objects.taken_for_another)),
     "hand's rotations inverted in half": Kind(in_half(recordings.hand_rotations_inverted)),
     "hand's rotations inverted in all": _plausible(in_all(recordings.hand_rotations_inverted)),

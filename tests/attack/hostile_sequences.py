@@ -267,7 +267,6 @@ _of_two_ways("two_ways_one_asked_for", options={"num_demonstrations": 1})
 _of_two_ways("two_ways_one_asked_for_the_newest", options={"num_demonstrations": 1, "selection": "recent"})
 _of_two_ways("two_ways_those_of_one_named", options=lambda a: {"episode_ids": a.episodes()[:3]})
 _of_two_ways("two_ways_in_the_task_s_own_number", then=lambda a: a.configure(num_demonstrations=1))
-_of_two_ways("many_samples_of_one_reply", options={"num_samples": 16, "temperature": 2.0})
 _of_two_ways("the_nearest_of_contradicting_ones", options={"selection": "nearest", "num_demonstrations": 3})
 
 

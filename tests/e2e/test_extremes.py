@@ -29,7 +29,6 @@ PREDICT = {
     "selection": "nearest",
     "episode_ids": None,
     "num_demonstrations": 2,
-    "num_samples": 1,
     "seed": 1,
     "temperature": 0.5,
     "max_actions": 25,

@@ -14,7 +14,6 @@ from app.services.errors import RefusedReplyError
 from app.services.measures import timings_of_its_own
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.record import Prediction
-from app.services.predict.reply import AGAIN_TEMPERATURE
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.services.teach.upload_checks import Upload
 from roboprompt_client.errors import InvalidInputError
@@ -74,22 +73,8 @@ TWICE = replace(REQUEST, instruction="pick up the cube, then pick up the cube")
 FAR = RELATIVE.replace("+0 +0 +0 0", "+0 +20 +0 0")
 
 
-def test_each_clause_is_checked_for_itself(taught):
-    """The second reply is unlike the demonstration: it alone is asked for again."""
-    prediction = ask(taught(RELATIVE, FAR, RELATIVE), TWICE)
-    assert len(prediction.reply.actions) == 6
-    assert prediction.reply.text == "\n".join(reply.rstrip("\n") for reply in (RELATIVE, FAR, RELATIVE))
-
-
-def test_only_the_second_try_of_a_clause_is_sampled(taught):
-    asked = []
-    prediction = ask(taught(FAR, RELATIVE, RELATIVE, asked=asked), TWICE)
-    assert len(prediction.reply.actions) == 6
-    assert [request.temperature for request in asked] == [0.0, AGAIN_TEMPERATURE, 0.0]
-
-
 def test_an_unsupported_action_of_a_later_clause_is_named_by_its_place_among_all(taught):
-    services = taught(RELATIVE, FAR, FAR)
+    services = taught(RELATIVE, FAR)
     with pytest.raises(RefusedReplyError) as caught:
         ask(services, TWICE)
     assert caught.value.cause.field == "actions[4]"

@@ -60,14 +60,14 @@ def test_a_summary_has_the_outcome(store, mixed):
 
 
 def test_outcomes_are_counted_by_configuration_the_surest_first(store, mixed):
-    predict(store, prediction_draft(model="regression", request={"episode_ids": ["e"]}, samples=({}, {})))
+    predict(store, prediction_draft(model="regression", request={"episode_ids": ["e"]}))
     solved = predict(store, prediction_draft(model="regression", request={"selection": "recent"}))
     write(store, predictions.record_outcome, solved.id, True, None)
     counted = read(store, prediction_lists.counts_by_configuration, TASK)
-    found = [(way.model, way.selection, way.num_samples, counts) for way, counts in counted.items()]
+    found = [(way.model, way.selection, counts) for way, counts in counted.items()]
     assert found == [
-        ("regression", "recent", 1, Counts(1, 0, 1, 0)),  # at least 21 %; half of six are at least 19 %
-        ("embedded/gemma-3-270m", "first", 1, Counts(12, 3, 3, 3)),
-        ("regression", None, 2, Counts(1, 0, 0, 0)),
+        ("regression", "recent", Counts(1, 0, 1, 0)),  # at least 21 %; half of six are at least 19 %
+        ("embedded/gemma-3-270m", "first", Counts(12, 3, 3, 3)),
+        ("regression", None, Counts(1, 0, 0, 0)),
     ]
     assert read(store, prediction_lists.counts_by_configuration, "nothing") == {}

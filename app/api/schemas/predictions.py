@@ -70,27 +70,6 @@ class UsageOut(BaseModel):
     completion_tokens: int
 
 
-class SampleOut(BaseModel):
-    """One of several replies to a question."""
-
-    seed: int
-    reply_text: str | None
-    num_actions: Annotated[int | None, Field(description="null if the reply is not a list of valid actions")]
-    used: Annotated[bool, Field(description="whether the reply agrees with the one that was chosen")]
-    error: str | None
-
-
-class SamplesOut(BaseModel):
-    """Several replies to one question; the actions are those of the reply that agrees with most others."""
-
-    asked: int
-    used: int
-    replies: list[SampleOut]
-
-
-Samples = Annotated[SamplesOut | None, Field(description="null if only one reply was asked for")]
-
-
 class GroundingOut(BaseModel):
     """The object that a phrase of the instruction stands for, and how it was recognized."""
 
@@ -153,7 +132,6 @@ class PredictionOut(AskedOut):
     actions: list[ActionOut]
     reply_text: str
     usage: UsageOut
-    samples: Samples = None
 
 
 class DryRunOut(AskedOut):
@@ -191,7 +169,6 @@ class StoredPrediction(UnderstoodOut):
     cameras: Annotated[list[str], Field(description="names of the cameras whose images were sent")]
     usage: dict[str, int]
     timings_ms: dict[str, float]
-    samples: Samples = None
     findings: Annotated[list[FindingOut], Field(description="doubts, causes before effects")]
     request: dict[str, Any]
     outcome: OutcomeOut | None

@@ -74,7 +74,6 @@ class ConfigurationOut(StandingOut):
     prompt_format: str
     selection: Annotated[str | None, Field(description="null if the request named its episodes")]
     num_demonstrations: int
-    num_samples: int
     is_yardstick: Annotated[bool, Field(description="true: a baseline that computes replies without an LLM")]
 
 

@@ -12,7 +12,7 @@ from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.demonstrated_scenes import ShownScenes, distances_m, path_m
 from app.pipeline.findings.places import MIN_DEMONSTRATIONS
-from app.pipeline.findings.rules import PASSES_CLOSE, SAMPLES_DISAGREE, STRAYING_ACTION, UNSUPPORTED
+from app.pipeline.findings.rules import PASSES_CLOSE, STRAYING_ACTION, UNSUPPORTED
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 MAX_LISTED = 4  # numbers of actions that a message lists
@@ -66,16 +66,6 @@ def _named(doubts: Sequence[ActionDoubt]) -> str:
     if len(numbers) > MAX_LISTED:
         return f"Actions {', '.join(numbers[:MAX_LISTED])} and {len(numbers) - MAX_LISTED} more"
     return f"Actions {', '.join(numbers[:-1])} and {numbers[-1]}"
-
-
-def disagreeing_findings(num_samples: int, num_alike: int) -> tuple[Finding, ...]:
-    """Return a finding if no more than half of several replies agree with the chosen one."""
-    if 2 * num_alike > num_samples:
-        return ()
-    message = (
-        f"Only {num_alike} of {num_samples} replies agree with this one. Try another model or a lower temperature."
-    )
-    return (SAMPLES_DISAGREE.finding(message, "reply", {"num_alike": num_alike, "num_samples": num_samples}),)
 
 
 def passing_findings(

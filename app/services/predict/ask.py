@@ -20,7 +20,6 @@ from app.services.predict.question import Question, question_of
 from app.services.predict.record import FAILURES, Prediction, PredictionRecorder
 from app.services.predict.reply import Reply
 from app.services.predict.request import PredictRequest
-from app.services.predict.samples import SampledReply
 from app.services.predict.warm import PrefixWarmer
 from app.store.store import Store
 from roboprompt_client.errors import UnsafeActionError
@@ -94,10 +93,10 @@ class PredictActions:
                 or an action breaks a present limit of motion; recorded, carries the reply.
         """
         motion = MotionCheck(self._known, question)
-        async with self._asked(question) as reply:
-            async for actions in reply.whole():
-                await motion.check(item.action for item in actions)
-                if actions:
+        async with self._asked(question) as reply, aclosing(reply.arriving(piecewise=False)) as arriving:
+            async for item in arriving:
+                if isinstance(item, list):
+                    await motion.check(action.action for action in item)
                     timings().reached("first_action")
         return await self._recorded(reply, motion)
 
@@ -111,7 +110,7 @@ class PredictActions:
         if self._record is not None:
             await self._record.require_writable(question.request.task)
         motion = MotionCheck(self._known, question)
-        async with self._asked(question) as reply, aclosing(reply.stream()) as arriving:
+        async with self._asked(question) as reply, aclosing(reply.arriving(piecewise=True)) as arriving:
             async for item in arriving:
                 if isinstance(item, TextDelta | Reading):
                     yield item
@@ -127,8 +126,7 @@ class PredictActions:
     async def _asked(self, question: Question) -> AsyncIterator[Reply]:
         """Yield the reply for the block to read; meanwhile no prefix is read ahead."""
         async with self._models.using(question.known.profile.name) as model:
-            several = question.request.options.num_samples > 1
-            reply = SampledReply(question, model) if several else Reply(question, model)
+            reply = Reply(question, model)
             try:
                 with self._warmer.giving_way():
                     yield reply

@@ -127,7 +127,6 @@ def _draft(reply: Reply, status: PredictionStatus, error: str | None, findings: 
         usage={} if reply.text is None else dict(vars(reply.usage)),
         timings_ms=dict(timings().ms),
         objects=tuple(map(ObjectRecord.of, question.known.observed)),
-        samples=reply.samples,
         grounding=question.grounded.to_json(),
         findings=tuple(finding.to_json() for finding in findings),
     )

@@ -12,10 +12,9 @@ from app.llm.base import (
     Reading,
     TextDelta,
     Usage,
-    complete,
 )
 from app.pipeline.episode import Query
-from app.pipeline.errors import ReplyParseError, UnsupportedActionError
+from app.pipeline.errors import ReplyParseError
 from app.pipeline.findings import Finding
 from app.pipeline.findings.actions import ActionDoubt, action_findings, passing_findings
 from app.pipeline.prompt import Prompt
@@ -23,34 +22,27 @@ from app.pipeline.reply import ReplyReader
 from app.services.measures import timed
 from app.services.predict.part_reply import PartReply, PredictedAction
 from app.services.predict.question import Question
-from app.store.values import JsonObject
 
-SEEDS = 2**31  # the most that every backend takes
-AGAIN_TEMPERATURE = 0.3  # of the second try: a greedy one would say the same again
 MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit
 Actions = list[PredictedAction]
 
 
 class Reply:
-    """A model's reply as far as it has arrived; read by `whole` or `stream`.
+    """A model's reply as far as it has arrived; read by `arriving`.
 
     Attributes:
         prompt: the last one asked; for a later part it contains the replies to the parts before.
         text: all replies so far, also an incomplete one; None before the first.
         usage: tokens of all replies.
         actions: those so far, all supported by the demonstrations.
-        seed: for sampling; each of several replies has its own.
-        samples: each of several replies, as stored; None if one was requested.
     """
 
-    def __init__(self, question: Question, model: LanguageModel, number: int = 0) -> None:
+    def __init__(self, question: Question, model: LanguageModel) -> None:
         self.question = question
-        self.seed = (question.request.options.seed + number) % SEEDS
         self.prompt: Prompt = question.prompt
         self.text: str | None = None
         self.usage = Usage()
         self.actions: Actions = []
-        self.samples: tuple[JsonObject, ...] | None = None
         self._options = question.request.options
         self._last_text = ""
         self._doubts: list[ActionDoubt] = []
@@ -65,33 +57,21 @@ class Reply:
         odd = taught.of_answer(question.parts, actions, question.prefix.demonstration_ids)
         return (*action_findings(self._doubts), *passing, *(odd if actions else ()))
 
-    async def whole(self) -> AsyncGenerator[Actions, None]:
-        """Yield the actions of each part; a part whose actions the demonstrations do not support is asked once more.
+    async def arriving(self, *, piecewise: bool) -> AsyncGenerator[Actions | TextDelta | Reading, None]:
+        """Yield actions once their rows are complete; if requested, also the progress of reading and the text.
+
+        Args:
+            piecewise: otherwise the actions of each part come together, at the end of the reply to it.
 
         Raises:
             ReplyParseError: if a reply is not a list of valid actions.
             UnsupportedActionError: if the demonstrations do not support an action.
-            LanguageModelError: if the LLM does not answer.
+            LanguageModelError: if the LLM does not answer; what was yielded may not be all of the reply.
         """
-        for asked in self._parts():
-            temperature = self._options.sampling_temperature
-            try:
-                actions = await self._actions(asked, temperature)
-            except UnsupportedActionError:
-                actions = await self._actions(asked, max(temperature, AGAIN_TEMPERATURE))
-            self.actions += actions
-            yield actions
-
-    async def stream(self) -> AsyncGenerator[Actions | TextDelta | Reading, None]:
-        """Yield actions once their rows are complete; if requested, also the progress of reading and the text.
-
-        Raises:
-            as `whole`; what was handed out may not be all of the reply.
-        """
-        temperature, shows_text = self._options.sampling_temperature, self._options.stream_text
+        shows_text = self._options.stream_text
         for asked in self._parts():
             part, before, text = self._part(asked), self.text, ""
-            async with aclosing(self._model.stream(self._request(temperature))) as pieces:
+            async with aclosing(self._model.stream(self._request(piecewise=piecewise))) as pieces:
                 while not part.complete:
                     with timed("llm"):
                         piece = await anext(pieces)
@@ -101,9 +81,10 @@ class Reply:
                         continue
                     said = len(self.text or "")
                     text = piece.text if isinstance(piece, Completion) else text + piece.text
-                    self.text = _joined(before, text)
+                    self.text = text if before is None else f"{before}\n{text}"
                     if isinstance(piece, Completion):
-                        self._heard(piece)
+                        self._last_text = piece.text
+                        self.usage = self.usage.plus(piece.usage)
                     elif shows_text:
                         yield TextDelta(self.text[said:])
                     if actions := part.read(piece):
@@ -136,22 +117,7 @@ class Reply:
             allows=self._options.unsupported == "allow",
         )
 
-    async def _actions(self, asked: Query, temperature: float) -> Actions:
-        """Return the actions of the whole reply to one part."""
-        part = self._part(asked)
-        with timed("llm"):
-            completion = await complete(self._model, self._request(temperature))
-        self.text = _joined(self.text, completion.text)
-        self._heard(completion)
-        actions = part.read(completion)
-        self._doubts += part.doubts
-        return actions
-
-    def _heard(self, completion: Completion) -> None:
-        self._last_text = completion.text
-        self.usage = self.usage.plus(completion.usage)
-
-    def _request(self, temperature: float) -> CompletionRequest:
+    def _request(self, *, piecewise: bool) -> CompletionRequest:
         """Return the request to the LLM; raises ModelTimeoutError if no time is left."""
         question = self.question
         timeout_s = self._deadline_s - time.monotonic()
@@ -162,11 +128,8 @@ class Reply:
             self.prompt,
             max_tokens=(question.max_actions - len(self.actions)) * MAX_TOKENS_PER_ACTION,
             timeout_s=timeout_s,
-            temperature=temperature,
-            seed=self.seed,
+            temperature=self._options.temperature,
+            seed=self._options.seed,
             cache_key=question.prefix.cache_key,
+            piecewise=piecewise,
         )
-
-
-def _joined(before: str | None, text: str) -> str:
-    return text if before is None else f"{before}\n{text}"

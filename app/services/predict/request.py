@@ -21,7 +21,6 @@ from roboprompt_client.types.names import checked_instruction
 from roboprompt_client.types.poses import Pose
 
 Selection = Literal["first", "recent", "random", "nearest", "diverse"]
-SAMPLES_TEMPERATURE = 0.5
 MAX_TIMEOUT_S = 600.0  # `roboprompt_client` waits as long
 Doubtful = Literal["refuse", "allow"]
 
@@ -40,19 +39,7 @@ class PredictOptions(BaseModel):
         ),
     ] = "first"
     seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="for selection random and for sampling"), WHOLE] = 0
-    num_samples: Annotated[
-        int,
-        Field(
-            ge=1,
-            le=16,
-            description="replies to ask for at once; the actions are those of the reply that most others are like; "
-            "more than half must have the same number of actions",
-        ),
-        WHOLE,
-    ] = 1
-    temperature: Annotated[Number | None, Field(ge=0, le=2, description="left out: 0, or 0.5 for several samples")] = (
-        None
-    )
+    temperature: Annotated[Number, Field(ge=0, le=2, description="0: the most probable reply")] = 0.0
     episode_ids: Annotated[
         tuple[str, ...] | None,
         Field(min_length=1, max_length=100, description="exactly these demonstrations, in this order"),
@@ -92,13 +79,6 @@ class PredictOptions(BaseModel):
         """How long the answer may take: as asked for, else what the model needs, for a prompt that it has not read."""
         needed_s = profile.timeout_s + profile.reading_s * prompt_chars / 1000
         return min(needed_s, MAX_TIMEOUT_S) if self.timeout_s is None else self.timeout_s
-
-    @property
-    def sampling_temperature(self) -> float:
-        """The requested temperature; by default several samples have one above 0, as they must differ."""
-        if self.temperature is not None:
-            return self.temperature
-        return 0.0 if self.num_samples == 1 else SAMPLES_TEMPERATURE
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import { numbers, words, wrong } from "./fields.js";
 
 const PART = /^((?:rgb|depth|mask)_.+)\.(?:png|jpe?g|npy)$/i;
 const SETTINGS = ["model", "representation", "prompt_format", "system_prompt", "selection", "unfamiliar"];
-const NUMBERS = ["num_demonstrations", "seed", "max_actions", "timeout_s", "num_samples", "temperature"];
+const NUMBERS = ["num_demonstrations", "seed", "max_actions", "timeout_s", "temperature"];
 const taken = new Map(); // images taken from an episode, by the name of their part
 
 const edited = new Set(); // fields that a person changed since an episode was chosen: what is typed stays

@@ -129,7 +129,6 @@ EXPECTED = {
     "two asked for, hand shifted in half": ({"options"}, HAND, HALF),
     "one asked for, gripper inverted in half": ({"options"}, {"gripper"}, HALF),
     "one asked for, names swapped in half": ({"options"}, POSES, HALF),
-    "five samples, hand shifted in half": ({"options"}, HAND, HALF),
     "hand's rotations inverted in half": (NONE, {"hand's rotation"}, HALF),
     "hand's rotations inverted in all": (NONE, {"hand's rotation"}, ALL),
     "objects' rotations inverted in half": (NONE, TURNS, HALF),

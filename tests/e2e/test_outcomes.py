@@ -1,4 +1,4 @@
-"""Several replies to one question, and outcomes that sum up, over HTTP."""
+"""Outcomes of predictions over HTTP: what follows from one, and how they sum up."""
 
 import json
 
@@ -10,16 +10,13 @@ from tests.e2e.processes import running_server
 from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory, refused, upload
 
 ONE = "[[50, 40, 20, 36, 36, 36, 1]]"
-TWO = "[[50, 40, 20, 36, 36, 36, 1], [1, 1, 1, 1, 1, 1, 0]]"
-HIGHER = "[[50, 40, 22, 36, 36, 36, 1]]"
-REPLIES = [ONE, TWO, HIGHER, "sorry", ONE]
 
 
 @pytest.fixture(scope="module")
 def http(tmp_path_factory):
-    settings = {"ROBOPROMPT_SCRIPTED_REPLIES": json.dumps(REPLIES), "ROBOPROMPT_WARM_UP": "false"}
+    settings = {"ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([ONE]), "ROBOPROMPT_WARM_UP": "false"}
     with (
-        running_server(tmp_path_factory.mktemp("samples"), settings) as url,
+        running_server(tmp_path_factory.mktemp("outcomes"), settings) as url,
         httpx.Client(base_url=url, timeout=60) as client,
     ):
         client.put("/tasks/pick", json={"workspace": "rlbench"}).raise_for_status()
@@ -31,44 +28,6 @@ def http(tmp_path_factory):
 def ask(http, **options):
     fields = {"model": "scripted", "representation": "absolute", "unsupported": "allow", **options}
     return http.post("/predict", json={**metadata("pick", {"cube": (0.2, 0.0, 0.78)}), **fields})
-
-
-def test_of_the_samples_that_agree_the_middle_one_counts(http):
-    answer = ask(http, num_samples=5, seed=7).json()
-    assert [action["bins"] for action in answer["actions"]] == [[50, 40, 20, 36, 36, 36, 1]]
-    samples = answer["samples"]
-    assert (samples["asked"], samples["used"]) == (5, 3)
-    assert [reply["seed"] for reply in samples["replies"]] == [7, 8, 9, 10, 11]
-    assert sorted(reply["reply_text"] for reply in samples["replies"]) == sorted(REPLIES)
-    assert [reply["error"] is None for reply in samples["replies"]].count(False) == 1
-    assert http.get(f"/predictions/{answer['id']}").json()["samples"] == samples
-
-
-def test_samples_that_do_not_agree_are_an_error_and_recorded(http):
-    problem = ask(http, num_samples=5, max_actions=1).json()
-    # with one action at most the reply of two is invalid: three of five agree
-    assert "actions" in problem
-    unlike = ask(http, num_samples=4)
-    assert unlike.status_code == 502
-    stored = http.get(f"/predictions/{unlike.json()['prediction_id']}").json()
-    assert stored["actions"] is None
-    assert len(stored["samples"]["replies"]) == 4
-    ask(http)  # the fifth of the replies, so that the next test begins with the first
-
-
-def test_one_sample_says_nothing_of_samples(http):
-    for _ in REPLIES:
-        answer = ask(http)
-        assert answer.status_code == 502 or answer.json()["samples"] is None
-
-
-def test_streamed_samples_come_together(http):
-    fields = {**metadata("pick", {"cube": (0.2, 0.0, 0.78)}), "model": "scripted", "num_samples": 5}
-    fields |= {"representation": "absolute", "unsupported": "allow"}
-    response = http.post("/predict", json=fields, headers={"accept": "text/event-stream"})
-    events = [line for line in response.text.splitlines() if line.startswith("event")]
-    assert [event for event in events if event in ("event: action", "event: done", "event: error")] == events[-2:]
-    assert events[-2:] == ["event: action", "event: done"]
 
 
 def test_diverse_demonstrations(http):
@@ -83,7 +42,7 @@ def linked(http, prediction_id, task="pick", link="prediction_id"):
 
 
 def test_an_executed_prediction_becomes_a_demonstration(http):
-    prediction = ask(http, num_samples=5).json()["id"]
+    prediction = ask(http).json()["id"]
     http.post(f"/predictions/{prediction}/outcome", json={"success": True})
     episode = linked(http, prediction)
     assert episode.status_code == 201
@@ -92,7 +51,7 @@ def test_an_executed_prediction_becomes_a_demonstration(http):
 
 
 def test_a_demonstration_corrects_a_failed_prediction(http):
-    prediction = ask(http, num_samples=5).json()["id"]
+    prediction = ask(http).json()["id"]
     http.post(f"/predictions/{prediction}/outcome", json={"success": False})
     episode = linked(http, prediction, link="corrects").json()["id"]
     assert http.get(f"/episodes/{episode}").json()["corrects"] == prediction
@@ -103,7 +62,7 @@ def test_a_demonstration_corrects_a_failed_prediction(http):
 @pytest.mark.parametrize("link", ["prediction_id", "corrects"])
 @pytest.mark.parametrize("fault", ["unknown", "of the other outcome", "of another task"])
 def test_links_that_cannot_be_are_refused(http, fault, link):
-    prediction = "0" * 32 if fault == "unknown" else ask(http, num_samples=5).json()["id"]
+    prediction = "0" * 32 if fault == "unknown" else ask(http).json()["id"]
     if fault == "of the other outcome":
         http.post(f"/predictions/{prediction}/outcome", json={"success": link == "corrects"})
     refused(linked(http, prediction, "press" if fault == "of another task" else "pick", link), link)
