@@ -30,9 +30,9 @@ SHEET = "pages"  # one picture of all pages
 SMALL, ACROSS, GAP = (520, 325), 3, 8  # pixels
 
 
-def teach(report: Path) -> None:
-    """The data of a demo, in `report/data`."""
-    subprocess.run([sys.executable, "-m", "app.cli", "demo", *DEMO, "--report", report], check=True)
+def teach(data: Path) -> None:
+    """The data of a demo."""
+    subprocess.run([sys.executable, "-m", "app.cli", "demo", *DEMO, "--data", data], check=True)
 
 
 def fail(url: str) -> None:
@@ -94,8 +94,8 @@ def sheet(shots: Sequence[Image.Image]) -> Image.Image:
 def main() -> None:
     """Write them."""
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        teach(Path(folder) / "report")
-        with running_server(Path(folder) / "report/data") as url:
+        teach(Path(folder) / "data")
+        with running_server(Path(folder) / "data") as url:
             fail(url)
             browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
             page = browser.new_page(viewport=SIZE, color_scheme="light")  # type: ignore[arg-type]

@@ -18,8 +18,6 @@ from rich.console import Console
 from app.cli.shared import AsJson, check_models, check_names, progress_bars
 from app.evaluation.methods import with_poses
 from app.evaluation.plan import Plan
-from app.evaluation.report.page import write_report
-from app.evaluation.results import Evaluation
 from app.evaluation.run import run_demo
 from app.evaluation.server import running_server
 from app.evaluation.sweeps import methods_beside
@@ -41,7 +39,9 @@ def demo(
     compare: Annotated[
         bool, typer.Option(help="also a regression, the expert's replay and, with --model, the paper's format")
     ] = True,
-    report: Annotated[Path | None, typer.Option(help="folder of the report (default: reports/demo-TIME)")] = None,
+    data: Annotated[
+        Path | None, typer.Option(help="folder of the service, which is kept (default: reports/demo-TIME)")
+    ] = None,
     open_pages: Annotated[
         bool, typer.Option("--open", help="then serve its pages, and show them where there is a browser, until Ctrl-C")
     ] = False,
@@ -49,15 +49,13 @@ def demo(
 ) -> None:
     """Record demonstrations on a simulated Panda, upload them, then predict and execute on unseen scenes.
 
-    Starts the real service on a free port, with its embedded LLM. Writes a report with pictures.
+    Starts the real service on a free port, with its embedded LLM. Its pages show each prompt, reply and scene.
     """
     check_names("--task", task or (), TASKS)
     check_models([] if model is None else [model])
-    folder = report or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
-    if (data := folder / "data").exists():
-        raise typer.BadParameter(
-            f"{data} holds what an earlier demo taught (valid: another folder)", param_hint="--report"
-        )
+    data = data or Path("reports") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
+    if data.exists():
+        raise typer.BadParameter(f"{data} exists (valid: a new folder)", param_hint="--data")
     console = Console(stderr=as_json)
     command = shlex.join(["roboprompt", *sys.argv[1:]])
     methods = with_poses(methods_beside(model)[: None if compare else 1], poses)
@@ -65,12 +63,16 @@ def demo(
     plan = Plan(tuple(task or DEMO_TASKS), methods, episodes, demos, command, images=True, settings=arm)
     with progress_bars(console) as progress:
         evaluation = run_demo(plan, progress, data)
-    figures = _report(evaluation, folder, console)
+    console.print(results_table(evaluation))
+    for message, number in evaluation.errors():
+        console.print(f"{number} trials could not be run: {message}", markup=False)
+    console.print(f"{evaluation.duration_s:.0f} s in all")
     if not open_pages:
         serve = _shell_command("serve", "--data", str(data.resolve()))
-        console.print(f"To see it at http://127.0.0.1:8000/: {serve}", soft_wrap=True)
+        console.print(f"Prompts, replies and scenes at http://127.0.0.1:8000/: {serve}", soft_wrap=True)
     if as_json:
-        print(json.dumps(figures))  # noqa: T201
+        run = {"command": command, "duration_s": round(evaluation.duration_s, 1), "data": str(data)}
+        print(json.dumps({**run, **sweep_summary(evaluation)}))  # noqa: T201
     if open_pages:
         _show_pages(data, console)
 
@@ -89,14 +91,3 @@ def _shell_command(*arguments: str) -> str:
     program = shutil.which(sys.argv[0])
     started = [sys.executable, "-P", "-m", "app.cli"] if program is None else [str(Path(program).absolute())]
     return shlex.join([*started, *arguments])
-
-
-def _report(evaluation: Evaluation, folder: Path, console: Console) -> dict[str, object]:
-    """Print the results, write the report, and return the figures for `--json`."""
-    console.print(results_table(evaluation))
-    for message, number in evaluation.errors():
-        console.print(f"{number} trials could not be run: {message}", markup=False)
-    index = write_report(evaluation, folder)
-    console.print(f"{evaluation.duration_s:.0f} s in all; report: {index}")
-    run = {"command": evaluation.command, "duration_s": round(evaluation.duration_s, 1), "report": str(index)}
-    return {**run, **sweep_summary(evaluation)}

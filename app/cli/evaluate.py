@@ -92,7 +92,6 @@ class EvaluateOptions:
     ] = None
     out: Annotated[Path | None, Option(help="folder of the results (default: reports/eval-SWEEP-TIME)")] = None
     url: Annotated[str | None, Option(help="of a running service, instead of one of its own")] = None
-    report: Annotated[bool, Option(help="a page with prompt, reply and pictures of failures")] = True
     as_json: Annotated[bool, Option("--json", help="one JSON object as the last line")] = False
 
     @property
@@ -128,7 +127,7 @@ def evaluate(**options: Any) -> None:  # noqa: ANN401
             client.ping()
     check_models(asked.model or (), asked.url)
     with errors_printed(), progress_bars(console, PACE_S) as progress:
-        result = SweepRun(asked.sweep_name, plan, asked.folder, asked.url, asked.report)(progress)
+        result = SweepRun(asked.sweep_name, plan, asked.folder, asked.url)(progress)
     _print_results(console, result, asked)
     if asked.as_json:
         scenes = {"recordings": asked.recordings, "seed": plan.first_test_seed, "episodes": plan.episodes}

@@ -1,6 +1,6 @@
 """Runs an evaluation: teaches the tasks, then runs the remaining trials; each outcome is stored as soon as it is known.
 
-A demo is a run of which only the report is kept.
+A demo is a run of which only the service's data are kept.
 """
 
 import secrets
@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -19,7 +19,6 @@ from rich.progress import Progress
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
 from app.evaluation.plan import Plan, PlannedTrial, check_default_model, evaluation_of
-from app.evaluation.report.page import illustrated
 from app.evaluation.results import Crash, Evaluation
 from app.evaluation.server import service
 from app.evaluation.teach import (
@@ -40,7 +39,7 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import RoboPromptError, ServiceProblemError, ServiceUnreachableError
 
 Item = TypeVar("Item")
-PHASES = ("demonstrations_s", "trials_s", "report_s")
+PHASES = ("demonstrations_s", "trials_s")
 TEACHING_THREADS = 2  # one task is uploaded while the next is recorded
 SIMULATION = ("app.evaluation.trials",)  # what workers import once for all
 MAX_UNREACHABLE = 5  # trials in a row; after that many the service counts as lost
@@ -196,7 +195,7 @@ def executor_of(world: World) -> Executor:
 
 
 def run_demo(plan: Plan, progress: Progress, data: Path) -> Evaluation:
-    """Run the plan on a new service, and return the results with pictures for the report.
+    """Run the plan on a new service, and return the results.
 
     Args:
         data: folder of the service, which is kept.
@@ -210,5 +209,4 @@ def run_demo(plan: Plan, progress: Progress, data: Path) -> Evaluation:
         closing(LocalExecutor(imports=SIMULATION)) as executor,
         service(warm_up=plan.asks_default_model, data=data) as client,
     ):
-        evaluation = PlanRun(plan, ledger, client, executor, progress)()
-        return replace(evaluation, tasks=tuple(illustrated(evaluation, executor, progress)))
+        return PlanRun(plan, ledger, client, executor, progress)()

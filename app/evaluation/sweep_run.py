@@ -1,4 +1,4 @@
-"""Runs a sweep and writes its folder: results, table, report, and `run.json`, the record of the run.
+"""Runs a sweep and writes its folder: results, table, and `run.json`, the record of the run.
 
 The record has the plan, the machine, versions and commit, and how long each phase took.
 """
@@ -20,13 +20,11 @@ from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
 from app.evaluation.plan import Plan, evaluation_of
-from app.evaluation.report.page import illustrated, write_report
 from app.evaluation.results import Evaluation, Trial
 from app.evaluation.run import PHASES, PlanRun, ServiceLostError, Timing, executor_of
 from app.evaluation.server import service
 from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, sweep_summary
-from app.evaluation.world import Panda
 from app.executors import Executor, usable_cores
 from roboprompt_client.version import VERSION
 
@@ -61,14 +59,12 @@ class SweepRun:
 
     Attributes:
         url: of a running service; None: start one.
-        wants_report: whether to write the report, which takes a while.
     """
 
     sweep: str
     plan: Plan
     folder: Path
     url: str | None = None
-    wants_report: bool = True
 
     def __call__(self, progress: Progress) -> SweepResult:
         """Run the trials that the folder does not have yet. Ctrl-C ends the session and leaves the folder valid.
@@ -79,30 +75,18 @@ class SweepRun:
         """
         with Ledger(self.folder / "results.jsonl") as ledger:
             stopped = ""
-            if self.plan.remaining(ledger) or (self.wants_report and not self.report.exists()):
+            if self.plan.remaining(ledger):
                 stopped = self._session(ledger, progress)
             evaluation = evaluation_of(self.plan, ledger)
             self._write_table(evaluation)
             return SweepResult(evaluation, stopped, len(self.plan.remaining(ledger)))
 
-    @property
-    def report(self) -> Path:
-        """The path of the report."""
-        return self.folder / "report" / "index.html"
-
     def _session(self, ledger: Ledger, progress: Progress) -> str:
         """Run a session. Return why it ended early; empty if it did not."""
-        self.report.unlink(missing_ok=True)
         with closing(executor_of(self.plan.world)) as executor:
             record = SweepRecord(self.folder / "run.json", self.sweep, self.plan, executor)
             try:
-                evaluation = self._run(ledger, executor, progress, record.timing)
-                if self.wants_report:
-                    self._write_table(evaluation)  # in case the pictures are interrupted
-                    with record.timing.measured("report_s"):
-                        has_pictures = isinstance(self.plan.world, Panda)
-                        tasks = illustrated(evaluation, executor, progress) if has_pictures else evaluation.tasks
-                        write_report(evaluation, self.report.parent, tasks)
+                self._run(ledger, executor, progress, record.timing)
             except KeyboardInterrupt:
                 return "interrupted"
             except ServiceLostError as error:
@@ -111,9 +95,9 @@ class SweepRun:
                 record.end(evaluation_of(self.plan, ledger))
         return ""
 
-    def _run(self, ledger: Ledger, executor: Executor, progress: Progress, timing: Timing) -> Evaluation:
+    def _run(self, ledger: Ledger, executor: Executor, progress: Progress, timing: Timing) -> None:
         with service(self.url, warm_up=self.plan.asks_default_model) as client:
-            return PlanRun(self.plan, ledger, client, executor, progress, self.url is not None, timing)()
+            PlanRun(self.plan, ledger, client, executor, progress, self.url is not None, timing)()
 
     def _write_table(self, evaluation: Evaluation) -> None:
         """Write the table of the results so far."""

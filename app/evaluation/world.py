@@ -137,19 +137,6 @@ def binned_keyframes(task: str, seed: int) -> tuple[EndEffectorAction, ...]:
     return tuple(undiscretize_actions([item.bins for item in binned], workspace))
 
 
-def film(scene: SceneView, actions: Actions | None, shift_m: float) -> tuple[SceneView, RolloutResult | None]:
-    """Return a test's scene with pictures, and the result of its actions, if any, with a film. Runs in a worker.
-
-    Args:
-        shift_m: how far its free objects are moved before the motion.
-    """
-    task, seed, variation = scene.task, scene.seed, _variation(scene.task, scene.seed)
-    seen = view_scene(task, seed, variation=variation)
-    if actions is None:
-        return seen, None
-    return seen, rollout(task, seed, actions, variation=variation, film_strip=True, shift_m=shift_m)
-
-
 @lru_cache(maxsize=64)
 def _view(task: str, seed: int) -> SceneView:
     return view_scene(task, seed, variation=_variation(task, seed), cameras=())

@@ -4,15 +4,12 @@ Arguments and results can be pickled: call these functions from worker processes
 """
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from typing import Literal
 
 from app.sim.guided import GuidedPanda, Habits
 from app.sim.moves import Move, action_from_move, moves_from_actions
-from app.sim.outcomes import RecordedDemonstration, RgbImage, RolloutResult, SceneView
-from app.sim.rendering import CAMERA, open_renderer
+from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
 from app.sim.robot import DWELL_S, SimulatedPanda, TrajectorySampler
-from app.sim.shift import shift_free_objects
 from app.sim.tasks import make_task
 from app.sim.tasks.base import FINAL_HOLD_S, NOT_SOLVED
 from app.sim.world import CAMERA_NAMES
@@ -44,7 +41,6 @@ def record_demonstration(
     control_frequency_hz: float = 20.0,
     *,
     variation: int | None = None,
-    film_strip: bool = False,
     recordings: Recordings = "rests",
     cameras: Sequence[str] = CAMERA_NAMES,
 ) -> RecordedDemonstration:
@@ -69,38 +65,27 @@ def record_demonstration(
     sampler = TrajectorySampler(robot, control_frequency_hz, task.object_names)
     scene = _view(robot, seed)
     moves = task.expert()
-    film, _, error = _perform(robot, moves, film_strip=film_strip)
+    _, error = _perform(robot, moves)
     trajectory = sampler.trajectory("commanded" if recordings == "rests" else "measured")
     failure = error or judge(robot)
     actions = tuple(map(action_from_move, moves))
-    return RecordedDemonstration(scene, trajectory, control_frequency_hz, not failure, failure, actions, tuple(film))
+    return RecordedDemonstration(scene, trajectory, control_frequency_hz, not failure, failure, actions)
 
 
 def rollout(
-    task_name: str,
-    seed: int,
-    actions: Sequence[EndEffectorAction],
-    *,
-    variation: int | None = None,
-    film_strip: bool = False,
-    shift_m: float = 0.0,
+    task_name: str, seed: int, actions: Sequence[EndEffectorAction], *, variation: int | None = None
 ) -> RolloutResult:
     """Carry out predicted actions on the scene of a seed and judge the outcome.
 
     An action that is out of reach or blocked ends the rollout as a failure that names it.
 
-    Args:
-        shift_m: how far the scene's free objects are moved first, see `app.sim.shift`.
-
     Raises:
-        InvalidInputError: for an unknown task or variation, or a scene without room for the shift.
+        InvalidInputError: for an unknown task or variation.
     """
     robot = SimulatedPanda(make_task(task_name, seed, variation), cameras=())
-    if shift_m:
-        shift_free_objects(robot.task, shift_m, seed)
-    film, num_executed, error = _perform(robot, moves_from_actions(actions), film_strip=film_strip)
+    num_executed, error = _perform(robot, moves_from_actions(actions))
     failure = error or judge(robot)
-    return RolloutResult(num_executed, not failure, failure, tuple(film))
+    return RolloutResult(num_executed, not failure, failure)
 
 
 def _view(robot: SimulatedPanda, seed: int) -> SceneView:
@@ -109,20 +94,15 @@ def _view(robot: SimulatedPanda, seed: int) -> SceneView:
     return SceneView(task.name, seed, task.instruction, *seen)
 
 
-def _perform(robot: SimulatedPanda, moves: Sequence[Move], *, film_strip: bool) -> tuple[list[RgbImage], int, str]:
-    """Return the film strip if wanted, the number of moves carried out and the error that ended them (empty: none)."""
-    task, done = robot.task, list[int]()
-    images: list[RgbImage] = []
+def _perform(robot: SimulatedPanda, moves: Sequence[Move]) -> tuple[int, str]:
+    """Return the number of moves carried out and the error that ended them (empty: none)."""
+    done: list[int] = []
     robot.after_move.append(done.append)
-    with open_renderer(task.model) if film_strip else nullcontext() as renderer:
-        if renderer is not None:
-            images.append(renderer.rgb(task.data, CAMERA))
-            robot.after_move.append(lambda _: images.append(renderer.rgb(task.data, CAMERA)))
-        try:
-            robot.perform(moves)
-        except MotionError as error:
-            return images, len(done), str(error)
-    return images, len(done), ""
+    try:
+        robot.perform(moves)
+    except MotionError as error:
+        return len(done), str(error)
+    return len(done), ""
 
 
 def judge(robot: SimulatedPanda) -> str:

@@ -2,14 +2,9 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
 from roboprompt_client.types.trajectory import Trajectory
-
-RgbImage = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +36,6 @@ class RecordedDemonstration:
         failure: why it was not; empty if it was.
         expert_actions: the poses that the expert chose, and what the gripper then does; where it rested, the keyframe
             rule `merged` finds as many.
-        film_strip: (H, W, 3) images of camera `front` before the first and after each pose; empty if not asked for.
     """
 
     scene: SceneView
@@ -50,7 +44,6 @@ class RecordedDemonstration:
     succeeded: bool
     failure: str
     expert_actions: tuple[EndEffectorAction, ...] = ()
-    film_strip: tuple[RgbImage, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +52,9 @@ class RolloutResult:
 
     Attributes:
         num_executed: actions that were carried out.
-        succeeded, failure, film_strip: as in RecordedDemonstration.
+        succeeded, failure: as in RecordedDemonstration.
     """
 
     num_executed: int
     succeeded: bool
     failure: str
-    film_strip: tuple[RgbImage, ...] = ()

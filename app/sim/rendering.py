@@ -23,8 +23,6 @@ TO_LIGHT = -np.array(MAIN_LIGHT_DIRECTION) / np.linalg.norm(MAIN_LIGHT_DIRECTION
 AMBIENT, DIFFUSE = 0.5, 0.6
 logger = logging.getLogger(__name__)
 
-CAMERA = "front"
-
 
 class RayCaster:
     """Renders a model's data at 640x480 (W x H) as OpenGLRenderer does, but for shadows; needs no context."""

@@ -66,10 +66,9 @@ def test_wrong_choices(words, expected):
 
 
 def test_a_demo_is_not_taught_on_top_of_an_earlier_one(tmp_path):
-    (tmp_path / "data").mkdir()
-    run = CliRunner().invoke(application, ["demo", "--report", str(tmp_path)])
+    run = CliRunner().invoke(application, ["demo", "--data", str(tmp_path)])
     assert run.exit_code == 2, run.output
-    assert "holds what an earlier demo taught" in said(run)
+    assert "exists (valid: a new folder)" in said(run)
 
 
 @pytest.fixture(params=[("text/html", b"<h1>It works!</h1>"), ("application/json", b'{"jobs": []}')])

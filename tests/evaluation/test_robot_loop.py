@@ -33,7 +33,7 @@ def test_a_ledger_keeps_the_shift():
 
 def test_looking_again_saves_what_a_shift_spoils(tmp_path):
     scenes = ["--shift", "0.03", "--task", "stack_cube", "--episodes", "2", "--demos", "4", "--model", "nearest"]
-    run = CliRunner().invoke(application, ["eval", *scenes, "--no-report", "--json", "--out", str(tmp_path)])
+    run = CliRunner().invoke(application, ["eval", *scenes, "--json", "--out", str(tmp_path)])
     assert run.exit_code == 0, run.output
     assert (tmp_path / "table.md").read_text().startswith("# Objects moved by 0.03 m after the answer")
     figures = json.loads(run.stdout.splitlines()[-1])["tasks"]["stack_cube"]["methods"]

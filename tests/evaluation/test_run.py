@@ -15,8 +15,7 @@ from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
 from app.evaluation.paper import disturbed
 from app.evaluation.plan import OtherModelError, Plan, evaluation_of
-from app.evaluation.report.page import illustrated
-from app.evaluation.results import Crash, Evaluation
+from app.evaluation.results import Crash
 from app.evaluation.run import PlanRun, ServiceLostError
 from app.evaluation.server import free_port
 from app.evaluation.server import running_server as real_server
@@ -236,26 +235,3 @@ def test_a_service_that_is_gone_ends_the_run(tmp_path):
     assert not task.trials
     assert 5 <= len(task.crashes) < 30
     assert "ServiceUnreachableError" in task.crashes[0].message
-
-
-def pictured(task, *methods):
-    evaluation = Evaluation("roboprompt eval", methods, (task,), 1.0)
-    (shown,) = illustrated(evaluation, InlineExecutor(), Progress(disable=True))
-    return shown.trials
-
-
-def test_pictures_show_the_trials_of_yardsticks_where_nothing_else_was_tried(run):
-    task = run(REGRESSION, REPLAY)
-    asked, replay = pictured(task, REGRESSION, REPLAY)
-    assert len(replay.execution.film_strip) == 1 + replay.execution.num_executed
-    assert asked.failure == task.trials[0].failure
-    assert asked.scene.frames
-    assert replay.scene.frames
-
-
-def test_pictures_show_the_trials_of_models(run):
-    task = run(SCRIPTED, REPLAY)
-    scripted, replay = pictured(task, SCRIPTED, REPLAY)
-    assert scripted.execution is None
-    assert scripted.scene.frames
-    assert not replay.execution.film_strip

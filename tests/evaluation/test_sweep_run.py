@@ -26,7 +26,7 @@ PATIENCE_S = 90
 
 def arguments(folder):
     tasks = [word for task in TASKS for word in ("--task", task)]
-    few = ["--episodes", "2", "--demos", "2", "--model", "regression", "--no-report", "--json"]
+    few = ["--episodes", "2", "--demos", "2", "--model", "regression", "--json"]
     return ["eval", *tasks, *few, "--out", str(folder)]
 
 
@@ -153,7 +153,7 @@ def test_the_page_of_failures(tmp_path):
 def test_other_recordings_scenes_and_methods(tmp_path):
     scenes = ["--recordings", "continuous", "--seed", "5", "--noise", "1", "--noise-on", "test"]
     methods = ["--method", "expert", "--method", "regression"]
-    few = ["--task", "push_button", "--episodes", "2", "--demos", "2", "--no-report", "--json", "--out", str(tmp_path)]
+    few = ["--task", "push_button", "--episodes", "2", "--demos", "2", "--json", "--out", str(tmp_path)]
     run = CliRunner().invoke(application, ["eval", *scenes, *methods, *few])
     assert run.exit_code == 0, run.output
     last = json.loads(run.stdout.splitlines()[-1])

@@ -1,1 +1,0 @@
-"""The report of an evaluation: a folder that any browser shows without network or scripts."""
