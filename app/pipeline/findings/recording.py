@@ -13,7 +13,7 @@ from app.pipeline.findings.acts import AT_OBJECT_M, NEARER_M
 from app.pipeline.findings.frames import Compared
 from app.pipeline.findings.hand import MOVING_M
 from app.pipeline.findings.outliers import gripper_outlier_findings
-from app.pipeline.findings.units import flange_findings, unit_findings
+from app.pipeline.findings.units import unit_findings
 from app.pipeline.keyframes import KeyframeRule, Motion, manner_of
 from app.pipeline.keyframes.motion import stretches
 from app.pipeline.keyframes.rules import MAX_KEYFRAMES
@@ -63,7 +63,6 @@ def upload_findings(
         *alike_findings(alike, new.instruction),
         *verb_findings(new.order),
         *unit_findings(motion.trajectory, new.objects),
-        *flange_findings(motion),
         *compared_findings(compared),
         *recording_findings(motion, new.actions, rule),
         *contact_findings(motion, tracked, extra),

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from app.pipeline.findings import Finding
-from app.pipeline.findings.joints import check_joints, flange_away_m
 from app.pipeline.findings.quaternion_order import check_hand_order, check_objects_order, tilted_about_x
 from app.pipeline.keyframes import Motion
 from app.pipeline.workspace import Workspace
@@ -25,8 +24,12 @@ MANY_FRAMES, MAX_FRAME_S = 20, 5.0  # no recording has this many frames this far
 MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: many times an estimator's error
 MIN_OPENING_M = 0.003
 MIN_MOTION_M, MIN_MOTION_DEG = 0.005, 3.0  # a hand that moves less does nothing
-# From the flange to the recorded hand: at most 1.05 cm in recordings of flanges, at least 9.2 cm of fingertips
-AT_FLANGE_M = 0.0125
+MAX_JOINT_RAD_S = 30.0  # several times the speed of an arm
+FAST_JOINT_RAD_S = 2.0
+MIN_JOINT_RAD_S = 0.05  # below this a rate from positions is mostly noise
+MAX_RATE_RATIO = 20.0  # of joint velocities to the derivative of joint positions: 57 if they are in degrees
+MIN_HAND_M_PER_RAD = 0.02  # the least motion of the hand for a joint's turn
+MAX_JOINT_RAD = 4 * np.pi
 UNITS_PER_M = {"millimeters": 1000.0, "centimeters": 100.0}
 
 
@@ -41,7 +44,7 @@ def check_recording(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequ
     _check_positions(motion.trajectory.positions_m, objects, cameras)
     _check_tracks(motion.trajectory, objects)
     _check_fingers(motion.trajectory)
-    check_joints(motion)
+    _check_joints(motion)
     check_objects_order(objects)
     check_hand_order(motion)
 
@@ -69,17 +72,6 @@ def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iter
             " of hand and objects in one frame, not one in the robot's base and the other in the world."
         )
         yield Finding("far-from-objects", "warning", message, f"objects[{name}].position", {"away_m": away_m[name]})
-
-
-def flange_findings(motion: Motion) -> Iterator[Finding]:
-    """Yield a finding if the recorded hand is a Franka's flange although its gripper opens or closes."""
-    if not motion.switches or (away_m := flange_away_m(motion.trajectory)) is None or away_m > AT_FLANGE_M:
-        return
-    message = (
-        f"The hand's recorded position is {100 * away_m:.1f} cm from the arm's flange, so it is not between the"
-        " fingertips. Set the end effector in Desk, or make sure that all recordings and the run use the flange."
-    )
-    yield Finding("hand-is-the-flange", "warning", message, "trajectory.end_effector_positions", {"away_m": away_m})
 
 
 def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> None:
@@ -166,6 +158,31 @@ def _check_fingers(trajectory: Trajectory) -> None:
     if open_m < closed_m - MIN_OPENING_M:
         message = f"is true where the fingers are {open_m:.3f} m apart, and false where they are {closed_m:.3f} m apart"
         raise InvalidInputError("trajectory.gripper_open", message, "true where gripper_width is large")
+
+
+def _check_joints(motion: Motion) -> None:
+    angles_rad, speeds_rad_s = motion.trajectory.joint_positions_rad, motion.joint_speeds_rad_s
+    if angles_rad is not None and (most := float(np.abs(angles_rad).max())) > MAX_JOINT_RAD:
+        raise InvalidInputError("trajectory.joint_positions", f"reaches {most:.4g}: likely degrees", "radians")
+    fastest = float(speeds_rad_s.max())
+    moving = speeds_rad_s > fastest / 10
+    hand = motion.hand_speeds_m_s
+    idle = float(np.median(hand[moving] / speeds_rad_s[moving])) < MIN_HAND_M_PER_RAD if fastest > 0 else False
+    if fastest > MAX_JOINT_RAD_S or (fastest > FAST_JOINT_RAD_S and idle) or _beyond_positions(motion):
+        message = f"reaches {fastest:.4g} (norm over the joints): likely degrees per second"
+        raise InvalidInputError("trajectory.joint_velocities", message, "rad/s")
+
+
+def _beyond_positions(motion: Motion) -> bool:
+    """Return whether joint velocities are many times the derivative of the joint positions."""
+    angles_rad = motion.trajectory.joint_positions_rad
+    if angles_rad is None or len(motion) < FEW_FRAMES:
+        return False
+    shown_rad_s = np.linalg.norm(np.gradient(angles_rad, motion.times_s, axis=0), axis=1)
+    moving = shown_rad_s > MIN_JOINT_RAD_S
+    if not moving.any():
+        return False
+    return bool(np.median(motion.joint_speeds_rad_s[moving] / shown_rad_s[moving]) > MAX_RATE_RATIO)
 
 
 def _likely(extent: float) -> str:
