@@ -15,6 +15,7 @@ from app.pipeline.groups import Group
 from app.pipeline.order.order import Order
 from app.pipeline.plans.rows import MARGIN_DEG, MARGIN_M, PlanRow, plan_rows
 from app.pipeline.representation.anchors import Anchor, AnchorPose, anchor_pose, asked_anchor
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
@@ -102,6 +103,9 @@ class Support:
 
         If demonstrations carry out one clause each, the plans of several clauses are combined in their order. None if
         demonstrations have another number of clauses: then the rows that are asked for are not known.
+
+        Raises:
+            InvalidInputError: if the plans combine in more than `MAX_STRUNG` ways.
         """
         alike, clauses = self.alike(query.order), query.order.clauses
         number = len(alike[0].order.clauses) if alike else len(clauses)
@@ -110,8 +114,9 @@ class Support:
         if number > 1:
             return None
         each = [self.placed(replace(query, instruction=clause.text)) or () for clause in clauses]
-        if math.prod(map(len, each)) > MAX_STRUNG:
-            return None
+        if (combined := math.prod(map(len, each))) > MAX_STRUNG:
+            message = f"has {len(clauses)} clauses, whose demonstrated plans combine in {combined} ways"
+            raise InvalidInputError("instruction", message, f"at most {MAX_STRUNG} ways: fewer clauses at once")
         return tuple(tuple(chain.from_iterable(plans)) for plans in product(*each))
 
     def alike(self, asked: Order) -> tuple[DemonstratedPlan, ...]:

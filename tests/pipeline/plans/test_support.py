@@ -10,6 +10,7 @@ from app.pipeline.groups import by_plan
 from app.pipeline.plans import agreeing, aligned_by_plan
 from app.pipeline.plans.support import Support, SupportGuard
 from app.pipeline.representation.object_frame import ObjectFrameCodec
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction
 from tests.pipeline.asking import grammar_of
 
@@ -197,6 +198,12 @@ def test_plans_of_one_clause_support_several():
     check(ways, [*left, *right], SMALL, f"{INSTRUCTION}, then {INSTRUCTION}")
     error = refused(ways, [left[0], right[1], *left], SMALL, instruction=f"{INSTRUCTION}, then {INSTRUCTION}")
     assert error.field == "actions[1]"
+
+
+def test_clauses_whose_plans_combine_in_too_many_ways_are_refused():
+    ways, *_ = two_plans()
+    with pytest.raises(InvalidInputError, match="7 clauses, whose demonstrated plans combine in 128 ways"):
+        Support.of(by_plan(ways)).placed(Query(", then ".join([INSTRUCTION] * 7), SMALL))
 
 
 def test_demonstrations_with_as_many_clauses_support_an_instruction():
