@@ -16,7 +16,6 @@ from app.services.measures import timings
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
 from app.services.task_settings import TaskSettings
-from app.services.teach.history import SettingsChange
 from app.store.prediction_lists import Configuration, Counts
 from app.store.records import EpisodeRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
@@ -103,18 +102,6 @@ def task_document(
         )
         described["note"] = note if stored["object_models"] and num_unseen else ""
     return {**described, **stored}
-
-
-def history_document(changes: Sequence[SettingsChange]) -> JsonObject:
-    """A `SettingsHistory`."""
-    return {"history": [_change_document(change) for change in changes]}
-
-
-def _change_document(change: SettingsChange) -> JsonObject:
-    both = {name: {"before": before, "after": after} for name, (before, after) in change.changed.items()}
-    replaced = change.replaced
-    when = {"changed_at": replaced.replaced_at.isoformat(), "changed_by": replaced.replaced_by}
-    return {"version": replaced.version, **when, "changes": both, "restore": change.restore}
 
 
 def stats_document(task: str, counted: Mapping[Configuration, Counts]) -> JsonObject:

@@ -46,7 +46,6 @@ def erase_task(connection: Connection, name: str) -> None:
         raise NotFoundError("task", name)
     uploaded = _KEYS.c.response["task"].as_string() == name
     connection.execute(delete(_KEYS).where(_KEYS.c.scope == UPLOAD, uploaded))
-    connection.execute(delete(tables.replaced_settings).where(tables.replaced_settings.c.task == name))
     predictions = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
     erase_predictions(connection, predictions)
     episodes = select(_EPISODES.c.id).where(_EPISODES.c.task == name)

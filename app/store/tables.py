@@ -163,14 +163,3 @@ labels = Table(
     Index(None, "task", "sequence"),
     sqlite_autoincrement=True,
 )
-
-# Earlier settings of tasks. `version` is the last one of the task that had them.
-replaced_settings = Table(
-    "replaced_settings",
-    metadata,
-    Column("task", String(64), ForeignKey("tasks.name"), primary_key=True),
-    Column("version", Integer, primary_key=True, autoincrement=False),
-    Column("replaced_at", UtcDateTime, nullable=False),
-    Column("replaced_by", String(96), nullable=False),
-    Column("settings", Json, nullable=False),
-)

@@ -8,7 +8,7 @@ from sqlalchemy import Connection, bindparam, func, select, update
 from sqlalchemy.dialects.postgresql import insert as postgresql_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
-from app.store import replaced_settings, tables
+from app.store import tables
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import TaskCounts, TaskRecord
 from app.store.values import JsonObject
@@ -76,11 +76,10 @@ def get_or_create(connection: Connection, name: str, settings: JsonObject) -> Ta
 def update_settings(connection: Connection, name: str, settings: JsonObject) -> TaskRecord:
     """Replace the task's settings; if they differ the version grows.
 
-    The earlier ones are kept, see `replaced_settings`. Raises NotFoundError.
+    Raises NotFoundError.
     """
     task = lock(connection, name)
     if task.settings != settings:
-        replaced_settings.keep(connection, task, settings)
         change(connection, name, {"settings": settings})
     return get(connection, name)
 

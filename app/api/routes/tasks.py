@@ -10,19 +10,18 @@ from fastapi.responses import JSONResponse
 
 from app.api.check_document import check_document
 from app.api.decoding import UniqueKeysRoute
-from app.api.documents import history_document, stats_document, task_document
+from app.api.documents import stats_document, task_document
 from app.api.image_work import image_work
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
 from app.api.schemas.checks import TaskCheckOut
 from app.api.schemas.objects import LearnBody, LearnedOut, TriedModelOut, TryModelBody
-from app.api.schemas.tasks import SettingsHistory, TaskList, TaskOut, TaskStatsOut
+from app.api.schemas.tasks import TaskList, TaskOut, TaskStatsOut
 from app.perception.poses_wire import poses_document
 from app.services.container import Services
 from app.services.extract import reading
 from app.services.task_settings import TaskSettings
 from app.services.teach import learn
-from app.services.teach.history import settings_history
 from app.services.teach.learn import Tried, try_model
 from app.store import episodes, erasure, prediction_lists, tasks
 from app.store.values import JsonObject
@@ -75,14 +74,6 @@ async def configure_task(
     await anyio.to_thread.run_sync(configure, limiter=services.teaching)
     services.prefix_warmer.changed(name)
     return JSONResponse(await anyio.to_thread.run_sync(_document, services, name))
-
-
-@router.get("/tasks/{name}/history", response_model=SettingsHistory, responses=problems(_404="no such task"))
-def get_history(services: Wired, name: str) -> Response:
-    """Who changed which settings of a task, and what to send to `PUT /tasks/{name}` to undo it."""
-    with services.store.read() as connection:
-        changes = settings_history(connection, name)
-    return JSONResponse(history_document(changes))
 
 
 @router.delete("/tasks/{name}", status_code=204, responses=problems(_404="no such task"))

@@ -1,6 +1,5 @@
 """Answers about tasks: settings and their changes, statistics."""
 
-from datetime import datetime
 from typing import Annotated, Any
 
 from pydantic import BaseModel, Field
@@ -25,28 +24,6 @@ class SettingChange(BaseModel):
 
     before: Any
     after: Any
-
-
-class SettingsChangeOut(BaseModel):
-    """A change of a task's settings."""
-
-    version: Annotated[int, Field(description="the last version of the task before the change")]
-    changed_at: datetime
-    changed_by: Annotated[str, Field(description="the API key by its name and id, `local`, or a job")]
-    changes: Annotated[dict[str, SettingChange], Field(description="by setting")]
-    restore: Annotated[
-        dict[str, Any],
-        Field(
-            description="what to send to PUT /tasks/{name} to have the settings as they were before the change;"
-            " empty if they are"
-        ),
-    ]
-
-
-class SettingsHistory(BaseModel):
-    """The latest changes of a task's settings, newest first, at most 100; bounds that follow from episodes aside."""
-
-    history: list[SettingsChangeOut]
 
 
 class TaskList(BaseModel):

@@ -19,7 +19,6 @@ from app.llm.computed import YARDSTICKS
 from app.services.container import Services
 from app.services.extract import reading
 from app.services.task_settings import TaskSettings
-from app.services.teach.history import settings_history
 from app.store import episodes, prediction_lists, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.filters import EpisodeFilter, PredictionFilter, authors
@@ -78,7 +77,6 @@ def task_page(request: Request, services: Wired, name: str, applied: bool = Fals
     """Where the task was shown and asked, and its settings as a form."""
     with reading(services.store, name, strict=False) as (connection, task, _):
         settings = TaskSettings.read(connection, task)
-        history = settings_history(connection, name)
         newer = episodes.list_page(connection, EpisodeFilter(task=name), MAX_DRAWN).items
         others = () if YARDSTICKS.issuperset(prediction_lists.models(connection)) else tuple(YARDSTICKS)
         of_task = PredictionFilter(task=name, without_models=others)
@@ -101,7 +99,6 @@ def task_page(request: Request, services: Wired, name: str, applied: bool = Fals
         newest=newest,
         pictured=pictured,
         stored=stored,
-        history=history,
         applied=applied,
         num_shown=len(newer),
         success=success,

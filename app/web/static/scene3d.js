@@ -24,11 +24,7 @@ const states = new WeakMap();
 const plus = (point, along, length) => point.map((value, k) => value + length * along[k]);
 const meters = (point) => `${point.map((value) => value.toFixed(3)).join(", ")} m`;
 
-/**
- * Draw `scene` into `place`, over what was there; the view that a person turned it to stays.
- * `scene.over`, if given, is called with each new projection, for what stands over the drawing; with `scene.isHeld` the
- * scale stays, however far its boxes reach.
- */
+/** Draw `scene` into `place`, over what was there; the view that a person turned it to stays. */
 export function drawScene(place, scene) {
   if (!states.has(place)) prepare(place, scene.points);
   const state = states.get(place);
@@ -125,8 +121,7 @@ function paint(place, state) {
   const { view, shows, scene } = state;
   const [width, height] = [place.clientWidth, place.clientHeight];
   if (!scene || !width || !height) return;
-  if (!scene.isHeld) state.room = bounds(scene, shows);
-  const { room } = state;
+  const room = bounds(scene, shows);
   const corners = CORNERS.map((corner) => corner.map((side, k) => (side > 0 ? room.max : room.min)[k]));
   const projection = view.projection(corners, width, height);
   const write = writer(width, height);
@@ -156,7 +151,6 @@ function paint(place, state) {
     state.moving,
   );
   paintMoment(state);
-  scene.over?.(projection);
 }
 
 /** What the view has room for: the whole workspace, or where something is done. */

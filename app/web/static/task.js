@@ -1,8 +1,7 @@
-// A task's settings: what would change is listed and drawn before it is applied; what was changed can be undone.
+// A task's settings: what would change is listed and drawn before it is applied.
 
 import { call, root } from "./api.js";
-import { mountHandles } from "./box_handles.js";
-import { attempt, byId, confirmed, data, element, say } from "./dom.js";
+import { attempt, byId, data, element, say } from "./dom.js";
 import { numbers, wrong } from "./fields.js";
 import { drawScene } from "./scene3d.js";
 
@@ -31,28 +30,11 @@ function readable(read) {
   }
 }
 
-let held = groups()[0]; // the group of the box whose handles are shown
-
-/** The box to move, if its numbers can be read. */
-function chosenBox() {
-  const number = groups().indexOf(held) + 1;
-  const [box] = number ? readable(() => boxOf(held)) : [];
-  return box ? { ...box, name: `Box ${number}` } : null;
-}
-
-const showHandles = mountHandles(view, chosenBox, (side, k, value_m, isHeld) => {
-  const input = ends(held)[side];
-  const values = point(input, "keep_out");
-  values[k] = value_m;
-  input.value = values.join(" ");
-  look(isHeld);
-});
-
 /** Draw what can be read. */
-function draw(isChanged, isHeld) {
+function draw(isChanged) {
   const boxes = groups().flatMap((group) => readable(() => boxOf(group)));
   const [workspace = scene.workspace] = form.elements.preset.value ? [] : readable(ownWorkspace);
-  drawScene(view, { ...scene, workspace, boxes, whole: isChanged || boxes.length > 0, over: showHandles, isHeld });
+  drawScene(view, { ...scene, workspace, boxes, whole: isChanged || boxes.length > 0 });
 }
 
 /** The arm that the form says, its members in the service's order. */
@@ -87,8 +69,8 @@ function changes(after) {
 const short = (name, value) => (name === "urdf" ? `${value.length} characters` : value);
 const text = (value) => JSON.stringify(value, short).replaceAll('"', "").replaceAll(",", ", ");
 
-/** List what would change, and draw it; `isHeld` while a box is dragged. */
-function look(isHeld = false) {
+/** List what would change, and draw it. */
+function look() {
   const { preset, min, max, arm } = form.elements;
   byId("own-arm").hidden = arm.value !== "urdf";
   for (const input of [min, max]) input.closest(".field").hidden = Boolean(preset.value);
@@ -101,35 +83,25 @@ function look(isHeld = false) {
     );
     byId("changes").replaceChildren(...(items.length ? [element("ul", {}, ...items)] : []));
     byId("apply").disabled = !names.length;
-    draw(names.length > 0, isHeld);
+    draw(names.length > 0);
   } catch (error) {
-    draw(true, isHeld);
+    draw(true);
     byId("apply").disabled = true;
     const [wrong] = error.problem?.errors ?? [];
     byId("changes").replaceChildren(wrong ? `${wrong.field} ${wrong.message}. Valid: ${wrong.valid}` : String(error));
   }
 }
 
-async function put(json) {
+form.addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const after = wanted();
+  const json = Object.fromEntries(changes(after).map((name) => [name, after[name]]));
   say(byId("state"), "busy", "Applying…");
   await attempt(byId("state"), async () => {
     const seen = byId("version").textContent; // another change since, e.g. of boxes, must not be overwritten unseen
     await call(`/tasks/${encodeURIComponent(form.dataset.task)}?version=${seen}`, { method: "PUT", json });
     location.assign(`${location.pathname}?applied=true`);
   });
-}
-
-form.addEventListener("submit", (event) => {
-  event.preventDefault();
-  const after = wanted();
-  put(Object.fromEntries(changes(after).map((name) => [name, after[name]])));
-});
-byId("history")?.addEventListener("click", async ({ target }) => {
-  const { restore } = target.closest("button")?.dataset ?? {};
-  if (!restore) return;
-  const json = JSON.parse(restore);
-  const what = Object.entries(json).map(([name, value]) => `${name}: ${text(value)}`);
-  if (await confirmed("Restore these settings?", what.join("; "), "Restore")) put(json);
 });
 byId("add").addEventListener("click", () => {
   byId("boxes").append(byId("box").content.cloneNode(true));
@@ -143,17 +115,10 @@ byId("add").addEventListener("click", () => {
 byId("boxes").addEventListener("click", (event) => {
   if (!event.target.matches(".remove")) return;
   event.target.closest(".box").remove();
-  if (!held?.isConnected) [held] = groups();
   byId("add").focus();
   look();
 });
-byId("boxes").addEventListener("focusin", ({ target }) => {
-  const group = target.closest(".box");
-  if (group === held) return;
-  held = group;
-  look();
-});
-form.addEventListener("input", () => look());
+form.addEventListener("input", look);
 byId("urdf").addEventListener("change", async ({ target }) => {
   urdf = (await target.files[0]?.text()) ?? stored.arm?.urdf ?? "";
   look();
