@@ -1,6 +1,6 @@
 """Stored records -> the JSON documents that clients get (see `schemas.responses`)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from datetime import datetime
 from typing import Any
