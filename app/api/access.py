@@ -11,27 +11,22 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from urllib.parse import quote, urlsplit
 
-from fastapi.responses import RedirectResponse
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.api.access_rules import (
     HEALTH,
-    LOGIN,
     PAGES,
     READY,
     SAFE_METHODS,
-    Credential,
     Headers,
-    accepted_scopes,
-    credential_of,
+    key_of,
+    scope_for,
 )
 from app.api.problems import Kind, problem, store_problem
 from app.services.api_keys import Caller
 from app.services.container import Services
-from app.services.errors import ExpiredKeyError
 from app.store.errors import StoreError
-from app.store.visibility import Visibility, seeing
 from roboprompt_client.http import is_loopback
 
 MAX_CALLERS = 10_000  # the callers with the latest requests; a forgotten one starts again with a full bucket
@@ -41,11 +36,11 @@ _TOO_MANY = Kind(429, "too-many-requests", "Too many requests")
 _MALFORMED = Kind(400, "http", "The request cannot be read")
 _TOO_LONG = Kind(414, "address-too-long", "The address is too long")
 _HOST = re.compile(r"(\[[\da-f:.]+\]|[\w.~-]+)(:\d*)?", re.ASCII | re.IGNORECASE)
-_EVERYTHING = Visibility()
-_CHALLENGE = 'Bearer realm="roboprompt"'
+# The first makes browsers ask for a password.
+_CHALLENGES = ('Basic realm="RoboPrompt", charset="UTF-8"', 'Bearer realm="RoboPrompt"')
 CHANGES = "roboprompt.changes"  # the logger of who changed what, a line for each request that did
 changes = logging.getLogger(CHANGES)
-HOW = "send `Authorization: Bearer KEY` or `X-API-Key: KEY`; `roboprompt keys add` makes one"
+HOW = "send `Authorization: Bearer KEY`, or the key as password; `roboprompt keys add` makes one"
 
 
 class RateLimit:
@@ -80,7 +75,7 @@ class Access:
     """The operator's rules for requests.
 
     Attributes:
-        key_required: of all but health checks and the login page.
+        key_required: of all but health checks.
         local_only: without keys, accept only requests for this machine's own names (localhost, 127.0.0.1). This keeps
             out a website that lets its name resolve to 127.0.0.1 (DNS rebinding).
         requests_per_s, burst: see RateLimit.
@@ -116,8 +111,7 @@ class AccessControl:
                 _note_change(scope, caller, message)
             await send(message)
 
-        with seeing(_EVERYTHING if caller is None else caller.visibility):
-            await self._app(scope, receive, send if scope["method"] in SAFE_METHODS else noting_send)
+        await self._app(scope, receive, send if scope["method"] in SAFE_METHODS else noting_send)
 
     async def _admitted(self, scope: Scope) -> tuple[Response | None, Caller | None]:
         """Return the refusal or None, and the caller or None if no keys are required."""
@@ -130,36 +124,33 @@ class AccessControl:
             return None, None
         if len(scope["query_string"]) > self._access.max_query_chars:
             return problem(_TOO_LONG, f"its query may have at most {self._access.max_query_chars} characters"), None
-        credential = credential_of(headers)
-        if (refusal := self._foreign(method, host, headers, credential)) is not None:
+        if (refusal := self._foreign(method, host, headers)) is not None:
             return refusal, None
-        caller, unknown = None, "the key is not known, or was revoked"
         try:
-            caller = await _caller(scope, credential) if self._access.key_required else None
+            caller = await _caller(scope, headers) if self._access.key_required else None
         except StoreError as error:
             return store_problem(error), None
-        except ExpiredKeyError as error:
-            unknown = str(error)
         address = scope["client"][0] if scope["client"] else ""
         welcome = caller is not None or not self._access.key_required
         is_page = welcome and method in SAFE_METHODS and path.startswith(PAGES)
         if not is_page and (wait_s := self._rate.wait_s(address if caller is None else caller.key_id)):
             seconds = str(math.ceil(wait_s))
             return problem(_TOO_MANY, f"try again in {seconds} s", headers={"Retry-After": seconds}), None
-        said = unknown if credential.token else "there is no key"
-        return self._unwelcome(method, path, headers, caller, said) if self._access.key_required else None, caller
+        return _unwelcome(scope_for(method, path), headers, caller) if self._access.key_required else None, caller
 
     async def _may_know(self, scope: Scope, headers: Headers) -> bool:
         """Whether the caller of a health check may read what it finds."""
         if not scope["path"].endswith(READY) or not self._access.key_required:
             return True
         try:
-            return await _caller(scope, credential_of(headers)) is not None
-        except (StoreError, ExpiredKeyError):
+            return await _caller(scope, headers) is not None
+        except StoreError:
             return False
 
-    def _foreign(self, method: str, host: str, headers: Headers, credential: Credential) -> Response | None:
-        """Refuse what another website's scripts send, with the user's cookie or from the user's own machine.
+    def _foreign(self, method: str, host: str, headers: Headers) -> Response | None:
+        """Refuse what another website's scripts send, with the user's password or from the user's own machine.
+
+        Browsers say `Sec-Fetch-Site` over https and to this machine alone; `Origin` they send everywhere.
 
         Args:
             host: without its port; empty if the request names none.
@@ -167,44 +158,34 @@ class AccessControl:
         if self._access.local_only and host and not is_loopback(host):
             remedy = "a service that others reach by name says ROBOPROMPT_AUTH=on, or off"
             return problem(_FORBIDDEN, f"the request names the host {host[:100]!r}, not this machine: {remedy}")
-        origin = headers.get(b"origin")
-        if method in SAFE_METHODS or (origin is None and not credential.by_cookie):
+        site, origin = headers.get(b"sec-fetch-site"), headers.get(b"origin")
+        if site is not None:
+            own = site in (b"same-origin", b"none")
+        else:  # other programs than browsers send neither
+            own = origin is None or (bool(host) and _authority_of(origin) == headers[b"host"])
+        if own or method in SAFE_METHODS:
             return None
-        if origin is None or not host or _authority_of(origin) != headers[b"host"]:
-            return problem(
-                _FORBIDDEN, "pages of other websites may not change anything here (a proxy must pass Host on)"
-            )
+        return problem(_FORBIDDEN, "pages of other websites may not change anything here (a proxy must pass Host on)")
+
+
+def _unwelcome(needed: str | None, headers: Headers, caller: Caller | None) -> Response | None:
+    """Return the refusal if the caller may not do what needs this scope, else None."""
+    if needed is None or (caller is not None and caller.may(needed)):
         return None
-
-    def _unwelcome(
-        self, method: str, path: str, headers: Headers, caller: Caller | None, unknown: str
-    ) -> Response | None:
-        """Return the refusal if the caller may not do this, else None.
-
-        Args:
-            unknown: why the request's key or session was not accepted.
-        """
-        accepted = accepted_scopes(method, path)
-        if not accepted:
-            return None
-        if caller is None:
-            if method == "GET" and b"text/html" in headers.get(b"accept", b""):
-                return RedirectResponse(f"{LOGIN}?next={quote(path)}", 303)
-            return problem(_UNAUTHENTICATED, f"{unknown}: {HOW}", headers={"WWW-Authenticate": _CHALLENGE})
-        if caller.may(accepted):
-            return None
-        needed = " or ".join(sorted(accepted))
-        challenge = f'{_CHALLENGE}, error="insufficient_scope", scope="{" ".join(sorted(accepted))}"'
-        detail = f"the key {caller.name!r} has the scopes {', '.join(sorted(caller.scopes))}; this needs {needed}"
-        return problem(_FORBIDDEN, detail, headers={"WWW-Authenticate": challenge})
+    if caller is not None:
+        return problem(_FORBIDDEN, f"the key {caller.name!r} has the scope {caller.scope}; this needs {needed}")
+    refusal = problem(
+        _UNAUTHENTICATED, f"{'the key is not known, or was revoked' if key_of(headers) else 'there is no key'}: {HOW}"
+    )
+    for challenge in _CHALLENGES:
+        refusal.headers.append("WWW-Authenticate", challenge)
+    return refusal
 
 
-async def _caller(scope: Scope, credential: Credential) -> Caller | None:
-    if not credential.token:
-        return None
+async def _caller(scope: Scope, headers: Headers) -> Caller | None:
     services: Services = scope["app"].state.services
-    known = services.sessions if credential.by_cookie else services.keys
-    return await known.recognize(credential.token)
+    key = key_of(headers)
+    return await services.keys.recognize(key) if key else None
 
 
 def _note_change(scope: Scope, caller: Caller | None, start: Message) -> None:

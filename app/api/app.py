@@ -9,11 +9,11 @@ from fastapi.openapi.utils import get_openapi
 from pydantic.json_schema import models_json_schema
 
 from app.api.access import Access, AccessControl
-from app.api.access_rules import COOKIE, HEALTH, accepted_scopes
+from app.api.access_rules import HEALTH, scope_for
 from app.api.image_work import ImageWork
 from app.api.middleware import BodyLimit, BodyLimits, OuterMiddleware
 from app.api.problems import CONTENT, install_problem_handlers
-from app.api.routes import episodes, login, objects, operations, predict, predictions, tasks
+from app.api.routes import episodes, objects, operations, predict, predictions, tasks
 from app.api.schemas.objects import LabelBody, PosesBody
 from app.api.schemas.requests import EpisodeJson, EpisodeMetadata, PredictBody
 from app.api.schemas.responses import Problem
@@ -42,10 +42,9 @@ TAGS = [
 _HAND_READ = (EpisodeJson, EpisodeMetadata, LabelBody, PosesBody, PredictBody, Problem)
 _SCHEMES: dict[str, Any] = {
     "bearer": {"type": "http", "scheme": "bearer", "description": "a key of `roboprompt keys add`"},
-    "header": {"type": "apiKey", "in": "header", "name": "X-API-Key"},
-    "cookie": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "set by the login page"},
+    "basic": {"type": "http", "scheme": "basic", "description": "any user; the key is the password"},
 }
-_OTHER_SITE = "the key lacks the scope or is for other tasks, or the request comes from a page of another website"
+_OTHER_SITE = "the key lacks the scope, or the request comes from a page of another website"
 _TOO_MANY = "too many requests of this key or address; Retry-After says when to try again"
 # What every operation but health checks may answer, what every one may, and what every one with a body may.
 _OF_ACCESS = {
@@ -84,7 +83,7 @@ def create_app(open_services: OpenServices, version: str, body_limits: BodyLimit
         generate_unique_id_function=lambda route: route.name,
     )
     # A robot waits for predictions. Overlays come before episodes, whose kinds of images would take their addresses.
-    for subject in (predict, objects, episodes, tasks, predictions, operations, login):
+    for subject in (predict, objects, episodes, tasks, predictions, operations):
         app.include_router(subject.router)
     install_problem_handlers(app)
     install_openapi(app)
@@ -130,10 +129,10 @@ def _describe_operation(path: str, method: str, operation: dict[str, Any]) -> No
         named = responses.get(status)
         if named is None or ("application/json" in named["content"] and status == "422"):
             responses[status] = {"description": meaning, "content": CONTENT}
-    if scopes := sorted(accepted_scopes(method.upper(), path)):
+    if scope := scope_for(method.upper(), path):
         # The empty requirement stands for services that require no keys.
-        operation["security"] = [{}, *({scheme: scopes} for scheme in _SCHEMES)]
-        operation["description"] = f"{operation['description']}\n\nScope: {' or '.join(scopes)}."
+        operation["security"] = [{}, *({scheme: [scope]} for scheme in _SCHEMES)]
+        operation["description"] = f"{operation['description']}\n\nScope: {scope}."
     if path not in HEALTH:
         named = {status: {"$ref": f"#/components/responses/{name}"} for status, (name, _) in _OF_ACCESS.items()}
         operation["responses"] = {**named, **responses}

@@ -19,7 +19,6 @@ from app.services.task_settings import TaskSettings
 from app.store.prediction_lists import Configuration, Counts
 from app.store.records import EpisodeRecord, PredictionRecord, TaskRecord
 from app.store.values import JsonObject, KeyframeRecord, ObjectRecord
-from app.store.visibility import present
 from roboprompt_client.types.camera import camera_json
 
 
@@ -47,7 +46,7 @@ def episode_document(record: EpisodeRecord, settings: TaskSettings) -> JsonObjec
         "objects": [_object(item, workspace) for item in record.objects],
         "cameras": [camera.name for camera in record.cameras],
         **({} if record.extra is None else _unlisted(record)),
-        **_fields(record, "prediction_id", "corrects", "left_out", "note", "uploaded_instruction", "trim", "key_id"),
+        **_fields(record, "prediction_id", "corrects", "left_out", "note", "uploaded_instruction", "trim"),
         "observation_text": codec.observation_text(demonstration),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),
@@ -134,8 +133,8 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
 
 
 def _prompt(system: str, user: str) -> JsonObject | None:
-    """A `PromptOut`, for those who may read the demonstrations in it; the store leaves out what it must not show."""
-    return {"system": system, "user": user} if present().reads and user else None
+    """A `PromptOut`; None for a question that was refused before its prompt was written."""
+    return {"system": system, "user": user} if user else None
 
 
 def understood_document(order: Order) -> JsonObject:
@@ -188,6 +187,5 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         "findings": list(record.findings),
         "request": record.request,
         "outcome": outcome,
-        "key_id": record.key_id,
         "created_at": record.created_at.isoformat(),
     }

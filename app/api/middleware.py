@@ -11,7 +11,7 @@ from uuid import uuid4
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.api.access_rules import GUIDE, LOGIN, LOGOUT
+from app.api.access_rules import GUIDE
 from app.api.decoding import MAX_VALUES, JsonBudget
 from app.api.problems import http_problem
 from app.services.measures import request_fields
@@ -34,13 +34,7 @@ _HEADERS = (
     (b"cross-origin-resource-policy", b"same-origin"),
 )
 
-MAX_LOGIN_BYTES = 10_000
-MULTIPART, JSON, MSGPACK, FORM = (
-    "multipart/form-data",
-    "application/json",
-    "application/msgpack",
-    "application/x-www-form-urlencoded",
-)
+MULTIPART, JSON, MSGPACK = "multipart/form-data", "application/json", "application/msgpack"
 # What robots send with images. In JSON an upload has its trajectory inline, too: 13,000 frames, 11 minutes at 20 Hz.
 UPLOAD = "/episodes"
 WITH_IMAGES = (UPLOAD, "/predict", "/poses", "/labels", "/labels/preview", "/ui/predict/prompt")
@@ -121,13 +115,11 @@ class BodyLimits:
 
     def of(self, method: str, path: str, content_type: str) -> tuple[int, JsonBudget | None]:
         """Return the largest number of bytes, and the budget of values if the body is JSON."""
-        if path.endswith((LOGIN, LOGOUT)):  # open without a key, and the form is small
-            return MAX_LOGIN_BYTES, None
         images = method == "POST" and path.endswith(WITH_IMAGES)
         if images and content_type in (MULTIPART, MSGPACK):
             return self.largest, None
         values = MAX_UPLOAD_VALUES if path.endswith(UPLOAD) else MAX_VALUES
-        budget = None if content_type in (MULTIPART, MSGPACK, FORM) else JsonBudget(values)
+        budget = None if content_type in (MULTIPART, MSGPACK) else JsonBudget(values)
         return min(self.largest, self.inline if images else self.document), budget
 
 

@@ -31,8 +31,6 @@ from app.services.setting_parts import KINDS_OF_ARM
 from app.store.errors import (
     ConflictError,
     CorruptDataError,
-    ForbiddenError,
-    ForbiddenTaskError,
     NotFoundError,
     StoreError,
     StoreUnavailableError,
@@ -80,7 +78,6 @@ KINDS: Mapping[type[Exception], Kind] = {
     ModelTimeoutError: Kind(504, "model-timeout", "The LLM did not answer in time"),
     LanguageModelError: Kind(502, "model-error", "The LLM answered with an error"),
     NotFoundError: Kind(404, "not-found", "Not found"),
-    ForbiddenError: Kind(403, "forbidden", "This is not allowed"),
     ConflictError: Kind(409, "conflict", "The request contradicts what is stored"),
     StoreUnavailableError: Kind(503, "store-unavailable", "The store does not answer"),
     CorruptDataError: Kind(500, "corrupt-data", "Stored data is damaged"),
@@ -212,8 +209,6 @@ def _own_entries(error: RoboPromptError) -> list[dict[str, Any]]:
             return [_entry(error.field, error.message, error.valid)]
         case UnknownModelError():
             return [_entry("model", str(error))]
-        case ForbiddenTaskError():
-            return [_entry("task", str(error), ", ".join(error.allowed))]
         case UnsafeActionError():
             return [_entry(error.field, error.message, error.bound)]
         case UnsupportedActionError():

@@ -102,7 +102,7 @@ def _read(entry: Entry) -> Parcel:
 def _send(client: RoboPromptClient, name: str, parcel: Parcel) -> ImportResult:
     task, key = str(parcel.metadata["task"]), parcel.key
     try:
-        if if_there(partial(client.get, f"/uploads/{key}")) is not None:
+        if client.get("/episodes", upload_key=key)["episodes"]:
             return ImportResult(name, "already_there", notes=parcel.notes, task=task)
         metadata = ("metadata.json", canonical_json(parcel.metadata), "application/json")
         files = {part: (part, data, _MEDIA_TYPE) for part, data in parcel.files.items()}

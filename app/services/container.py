@@ -5,14 +5,13 @@ import anyio.to_thread
 
 from app.llm.base import ModelProfile
 from app.llm.registry import ModelRegistry
-from app.services.api_keys import KeyRing, Sessions
+from app.services.api_keys import KeyRing
 from app.services.limits import Limits
 from app.services.measures import Metrics
 from app.services.poses import PoseServers
 from app.services.predict.ask import PredictActions
 from app.services.predict.known import KnownReader
 from app.services.predict.record import PredictionRecorder
-from app.services.predict.repeated import RepeatedPredictions
 from app.services.predict.steps import ReadSteps
 from app.services.predict.warm import PrefixWarmer
 from app.services.teach.check import CheckTask
@@ -59,8 +58,6 @@ class Services:
         self.read_steps = ReadSteps(store)
         self.check_task = CheckTask(store, self._profile_of, PredictActions(*parts, None))
         self.keys = KeyRing(store)
-        self.sessions = Sessions(store, self.keys)
-        self.repeated_predictions = RepeatedPredictions(store, self.known)
         self.teaching = anyio.CapacityLimiter(TEACHING_AT_ONCE)
 
     def _profile_of(self, name: str | None) -> ModelProfile:
@@ -70,5 +67,4 @@ class Services:
 
     async def aclose(self) -> None:
         await self.models.aclose()
-        await self.keys.aclose()
         await anyio.to_thread.run_sync(self.store.close)

@@ -1,23 +1,9 @@
 """Errors of use cases, beside those of the method (`app.pipeline.errors`) and of the store."""
 
-from datetime import datetime
-
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from roboprompt_client.errors import RoboPromptError, UnsafeActionError
 
 RefusedReply = ReplyParseError | UnsafeActionError | UnsupportedActionError
-
-
-class ExpiredKeyError(RoboPromptError):
-    """The key was right and has expired.
-
-    Args:
-        name: of the key.
-        expired_at: when.
-    """
-
-    def __init__(self, name: str, expired_at: datetime) -> None:
-        super().__init__(f"the key {name!r} expired at {expired_at:%Y-%m-%d %H:%M} UTC")
 
 
 class NoDemonstrationsError(RoboPromptError):

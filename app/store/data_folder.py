@@ -1,26 +1,19 @@
-"""The files of a data folder: readable by the service's user alone, and shared by its processes.
+"""The files of a data folder: readable by the service's user alone, as they hold pictures, prompts, keys' digests."""
 
-They hold pictures, prompts and digests of keys. One process holds a turn at a time: a locked file, which the system
-unlocks if its holder dies.
-"""
-
-import fcntl
-import hashlib
 import logging
 import os
 import stat
-import weakref
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, Self
+from typing import BinaryIO
 
-from app.store.errors import StoreUnavailableError, disk_errors
+from app.store.errors import StoreUnavailableError
 
 FOLDER_MODE, FILE_MODE = 0o700, 0o600
 OTHERS = 0o077
 # What a data folder has; one with other folders and none of these is a home folder, or the system's.
-MARKS = ("roboprompt.db", "blobs", "turns", "llm", "cache", ".swept")
+MARKS = ("roboprompt.db", "blobs", "llm", "cache", ".swept")
 
 logger = logging.getLogger(__name__)
 
@@ -97,48 +90,3 @@ def _tighten(folder: Path) -> None:
             for path in (Path(current) / name for name in names):
                 if not path.is_symlink():
                     path.chmod(mode)
-
-
-class Turn:
-    """A turn that is held; `with` ends it, and so does dropping the object."""
-
-    def __init__(self, path: Path, descriptor: int) -> None:
-        self._path = path
-        self._close = weakref.finalize(self, os.close, descriptor)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        with suppress(OSError):  # of a disk that became read-only; `Turns.sweep` removes the file later
-            self._path.unlink()  # before it is unlocked: another process that has it open finds that it is gone
-        self._close()
-
-
-class Turns:
-    """The turns of one data directory. Synchronous."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-
-    def take(self, name: str) -> Turn | None:
-        """Return the turn of that name, or None while it is held elsewhere; raises StoreUnavailableError."""
-        return self._take(self._folder / hashlib.sha256(name.encode(errors="surrogatepass")).hexdigest())
-
-    def sweep(self) -> None:
-        """Remove the files of turns that killed processes held; raises StoreUnavailableError."""
-        for path in self._folder.glob("*"):
-            if (turn := self._take(path)) is not None:
-                with turn:
-                    pass
-
-    def _take(self, path: Path) -> Turn | None:
-        with disk_errors("turns of requests"):
-            self._folder.mkdir(FOLDER_MODE, exist_ok=True)
-            descriptor = private_opener(str(path), os.O_RDWR | os.O_CREAT)
-            with suppress(BlockingIOError, FileNotFoundError):
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if os.fstat(descriptor).st_ino == path.stat().st_ino:
-                    return Turn(path, descriptor)
-            os.close(descriptor)
-        return None

@@ -7,11 +7,11 @@ from typing import Any
 from sqlalchemy import Connection, Row, Text, bindparam, cast, delete, exists, func, insert, or_, select, update
 
 from app.store import tables, tasks
+from app.store.database import lock, writes
 from app.store.errors import NotFoundError
 from app.store.filters import EpisodeFilter, fetch_page
 from app.store.records import DemonstrationRecord, EpisodeDraft, EpisodeRecord, Extraction, ExtractionKeys, Page
 from app.store.values import ObjectRecord
-from app.store.visibility import of_visible_tasks, present
 
 MAX_INSTRUCTIONS = 50
 EVERY = EpisodeFilter()
@@ -47,22 +47,27 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
 def get(connection: Connection, episode_id: str) -> EpisodeRecord:
     """The episode without its trajectory; raises NotFoundError."""
     row = connection.execute(select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.id == episode_id)).first()
-    if row is None or not present().has_task(row.task):
+    if row is None:
         raise NotFoundError("episode", episode_id)
     query = select(_FILMS.c.camera, _FILMS.c.digest).where(_FILMS.c.episode_id == episode_id).order_by(_FILMS.c.camera)
     return EpisodeRecord(films=dict(map(tuple, connection.execute(query))), **row._mapping)
 
 
-def exist(connection: Connection, episode_id: str) -> bool:
-    """Whether there is an episode of that id."""
-    query = select(_EPISODES.c.id).where(_EPISODES.c.id == episode_id)
-    return connection.scalar(of_visible_tasks(query, _EPISODES.c.task)) is not None
+def uploaded_with(connection: Connection, key: str) -> EpisodeRecord | None:
+    """The episode of the upload with this `Idempotency-Key`, if there is one.
+
+    In a write transaction it waits for another one that stores an episode with the key.
+    """
+    if writes(connection):
+        lock(connection, f"upload {key}")
+    id_: str | None = connection.scalar(select(_EPISODES.c.id).where(_EPISODES.c.upload_key == key))
+    return None if id_ is None else get(connection, id_)
 
 
 def list_page(
     connection: Connection, chosen: EpisodeFilter = EVERY, limit: int = 50, cursor: int | None = None
 ) -> Page[EpisodeRecord]:
-    """The visible episodes that fit, newest first."""
+    """The episodes that fit, newest first."""
     return fetch_page(connection, _EPISODES, chosen.narrow(select(*LISTED)), limit, cursor, record_of)
 
 
@@ -86,9 +91,9 @@ def instructions(connection: Connection, task: str) -> tuple[str, ...]:
 
 
 def newest_by_task(connection: Connection) -> dict[str, EpisodeRecord]:
-    """The newest demonstration of every task that is seen and has one."""
+    """The newest demonstration of every task that has one."""
     numbers = select(func.max(_EPISODES.c.sequence)).where(_SHOWN)
-    newest = of_visible_tasks(numbers, _EPISODES.c.task).group_by(_EPISODES.c.task)
+    newest = numbers.group_by(_EPISODES.c.task)
     query = select(*LISTED).where(_EPISODES.c.sequence.in_(newest))
     return {row.task: record_of(row) for row in connection.execute(query)}
 
@@ -154,7 +159,7 @@ def remove(connection: Connection, episode_id: str) -> str:
     Raises NotFoundError.
     """
     task: str | None = connection.scalar(select(_EPISODES.c.task).where(_EPISODES.c.id == episode_id))
-    if task is None or not present().has_task(task):
+    if task is None:
         raise NotFoundError("episode", episode_id)
     tasks.lock(connection, task)  # an upload under way would not be seen below
     connection.execute(delete(_FILMS).where(_FILMS.c.episode_id == episode_id))

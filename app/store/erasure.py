@@ -13,39 +13,34 @@ from sqlalchemy import Connection, Select, Text, cast, delete, func, select
 from app.store import tables
 from app.store.blobs import digests_in
 from app.store.errors import NotFoundError
-from app.store.idempotency import PREDICT, UPLOAD
 from app.store.store import Store
-from app.store.visibility import of_visible_predictions, present
 
 _TASKS, _EPISODES, _PREDICTIONS, _LABELS = tables.tasks, tables.episodes, tables.predictions, tables.labels
-_KEYS = tables.idempotency_keys
 BATCH = 500  # predictions in a transaction: others want to write, too
 logger = logging.getLogger(__name__)
 _TEXTS = ("request", "prompt_system", "prompt_user", "reply_text", "actions", "objects")
 
 
 def erase_prediction(connection: Connection, prediction_id: str) -> None:
-    """Delete a prediction with its outcome and the answer kept for a repeated request; raises NotFoundError."""
-    seen = of_visible_predictions(select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.id == prediction_id))
-    if connection.scalar(seen.with_for_update()) is None or not erase_predictions(connection, [prediction_id]):
+    """Delete a prediction with its outcome; raises NotFoundError."""
+    if not erase_predictions(connection, [prediction_id]):
         raise NotFoundError("prediction", prediction_id)
 
 
 def erase_predictions(connection: Connection, ids: Sequence[str] | Select[tuple[str]]) -> int:
     """As `erase_prediction`, those that are there; returns how many."""
-    answer = _KEYS.c.response["id"].as_string()
-    connection.execute(delete(_KEYS).where(_KEYS.c.scope == PREDICT, answer.in_(ids)))
     return connection.execute(delete(_PREDICTIONS).where(_PREDICTIONS.c.id.in_(ids))).rowcount
 
 
 def erase_task(connection: Connection, name: str) -> None:
-    """Delete a task with its episodes, predictions, labels and the answers to repeats; raises NotFoundError."""
-    present().require_task(name)
+    """Delete a task with its episodes, predictions and labels; raises NotFoundError."""
     # A request that adds an episode or a prediction waits, and then finds no task.
     if connection.execute(select(_TASKS.c.name).where(_TASKS.c.name == name).with_for_update()).first() is None:
         raise NotFoundError("task", name)
-    uploaded = _KEYS.c.response["task"].as_string() == name
-    connection.execute(delete(_KEYS).where(_KEYS.c.scope == UPLOAD, uploaded))
+    """Delete a task with its episodes, predictions and labels; raises NotFoundError."""
+    # A request that adds an episode or a prediction waits, and then finds no task.
+    if connection.execute(select(_TASKS.c.name).where(_TASKS.c.name == name).with_for_update()).first() is None:
+        raise NotFoundError("task", name)
     predictions = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
     erase_predictions(connection, predictions)
     episodes = select(_EPISODES.c.id).where(_EPISODES.c.task == name)

@@ -1,7 +1,7 @@
 """Errors of the store."""
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from roboprompt_client.errors import RoboPromptError
@@ -14,8 +14,6 @@ class StoreError(RoboPromptError):
 
     ├── NotFoundError          nothing of that kind and id is stored
     ├── ConflictError          the request contradicts what is stored
-    ├── ForbiddenError         the key that asks may not see or do this
-    │   └── ForbiddenTaskError the key is for other tasks
     ├── StoreUnavailableError  disk full, read-only, locked or unreachable: a later attempt may succeed
     ├── SchemaVersionError     the database was written by newer code
     └── CorruptDataError       a stored value is damaged or gone
@@ -34,21 +32,6 @@ class NotFoundError(StoreError):
 
 class ConflictError(StoreError):
     """The request contradicts what is stored; the message says what and how to go on."""
-
-
-class ForbiddenError(StoreError):
-    """The key that asks may not see or do this; the message says what would be needed."""
-
-
-class ForbiddenTaskError(ForbiddenError):
-    """The key that asks is for other tasks, the `allowed`."""
-
-    def __init__(self, task: str, allowed: Sequence[str]) -> None:
-        super().__init__(task, tuple(allowed))
-        self.allowed = tuple(allowed)
-
-    def __str__(self) -> str:
-        return f"the key is not for the task {self.args[0]!r}, only for {', '.join(map(repr, self.allowed))}"
 
 
 class StoreUnavailableError(StoreError):

@@ -5,15 +5,14 @@ from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Any, Literal, get_args
 
-from sqlalchemy import ColumnElement, Connection, Row, Select, Table, Text, and_, cast, func, or_, select
+from sqlalchemy import ColumnElement, Connection, Row, Select, Table, Text, and_, cast, func, or_
 
 from app.store import tables
 from app.store.records import Fate, Page, T
-from app.store.visibility import of_visible_predictions, of_visible_tasks
 
 FATES: tuple[Fate, ...] = get_args(Fate)  # the order of a list with failures first
 
-_E, _P, _KEYS = tables.episodes, tables.predictions, tables.api_keys
+_E, _P = tables.episodes, tables.predictions
 _NO_OUTCOME = _P.c.outcome_success.is_(None)
 OF_FATE: dict[Fate, ColumnElement[bool]] = {
     "failure": _P.c.outcome_success.is_(False),
@@ -34,14 +33,12 @@ class Filter:
     Attributes:
         created_from, created_to: the earliest and the latest moment.
         finding: code of a finding.
-        author: name of the API key that made the request.
     """
 
     task: str | None = None
     created_from: datetime | None = None
     created_to: datetime | None = None
     finding: str | None = None
-    author: str | None = None
 
     @property
     def is_set(self) -> bool:
@@ -49,15 +46,13 @@ class Filter:
         return any(getattr(self, item.name) not in (None, ()) for item in fields(self) if item.name != "task")
 
     def _common(self, table: Table) -> list[ColumnElement[bool]]:
-        conditions = []
+        conditions = [] if self.task is None else [table.c.task == self.task]
         if self.created_from is not None:
             conditions.append(table.c.created_at >= self.created_from)
         if self.created_to is not None:
             conditions.append(table.c.created_at <= self.created_to)
         if self.finding is not None:
             conditions.append(cast(table.c.findings, Text).contains(f'"code":"{self.finding}"', autoescape=True))
-        if self.author is not None:
-            conditions.append(table.c.key_id.in_(select(_KEYS.c.id).where(_KEYS.c.name == self.author)))
         return conditions
 
 
@@ -68,27 +63,31 @@ class EpisodeFilter(Filter):
     Attributes:
         containing: text of the instruction or the note, in any case.
         left_out: only those that are left out of prompts, or are not.
+        upload_key: the `Idempotency-Key` of the upload.
         min_duration_s, max_duration_s: of the recording, what is trimmed off aside.
     """
 
     containing: str | None = None
     left_out: bool | None = None
+    upload_key: str | None = None
     min_duration_s: float | None = None
     max_duration_s: float | None = None
 
     def narrow(self, query: Select[Any]) -> Select[Any]:
-        """`query` on episodes, of those that fit and are seen; raises ForbiddenTaskError."""
+        """`query` on episodes, of those that fit."""
         conditions = self._common(_E)
         if self.containing:
             texts = (_E.c.instruction, _E.c.note)
             conditions.append(or_(*(text.icontains(self.containing, autoescape=True) for text in texts)))
         if self.left_out is not None:
             conditions.append(_E.c.left_out.is_(self.left_out))
+        if self.upload_key is not None:
+            conditions.append(_E.c.upload_key == self.upload_key)
         if self.min_duration_s is not None:
             conditions.append(_duration_s >= self.min_duration_s)
         if self.max_duration_s is not None:
             conditions.append(_duration_s <= self.max_duration_s)
-        return of_visible_tasks(query.where(*conditions), _E.c.task, self.task)
+        return query.where(*conditions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +109,7 @@ class PredictionFilter(Filter):
     without_models: tuple[str, ...] = ()
 
     def narrow(self, query: Select[Any]) -> Select[Any]:
-        """`query` on predictions, of those that fit and are seen; raises ForbiddenTaskError."""
+        """`query` on predictions, of those that fit."""
         conditions = self._common(_P)
         for name in ("model", "representation", "prompt_format"):
             if (value := getattr(self, name)) is not None:
@@ -123,14 +122,7 @@ class PredictionFilter(Filter):
             conditions.append(OF_FATE[self.fate])
         if self.without_models:
             conditions.append(_P.c.model.not_in(self.without_models))
-        return of_visible_predictions(query.where(*conditions), self.task)
-
-
-def authors(connection: Connection, table: Table) -> tuple[str, ...]:
-    """The names of the API keys that made the visible rows of `table`, sorted: episodes or predictions."""
-    own = select(table.c.sequence).where(table.c.key_id == _KEYS.c.id)
-    own = of_visible_predictions(own) if table is _P else of_visible_tasks(own, table.c.task)
-    return tuple(connection.scalars(select(_KEYS.c.name).where(own.exists()).distinct().order_by(_KEYS.c.name)))
+        return query.where(*conditions)
 
 
 def fetch_page(

@@ -9,7 +9,6 @@ from app.pipeline.success_rate import SuccessRate
 from app.store import tables
 from app.store.filters import FATES, OF_FATE, PredictionFilter, num_demonstrations
 from app.store.records import PredictionSummary
-from app.store.visibility import of_visible_predictions
 
 ListOrder = Literal["successes", "newest", "failures"]
 
@@ -61,8 +60,8 @@ def list_page(
 
 
 def models(connection: Connection) -> tuple[str, ...]:
-    """Return the names of all models of visible predictions, sorted."""
-    return tuple(connection.scalars(of_visible_predictions(select(_P.c.model)).distinct().order_by(_P.c.model)))
+    """Return the names of all models of predictions, sorted."""
+    return tuple(connection.scalars(select(_P.c.model).distinct().order_by(_P.c.model)))
 
 
 @dataclass(frozen=True)
@@ -103,10 +102,10 @@ _CONFIGURATION = (
 
 
 def counts_by_configuration(connection: Connection, task: str) -> dict[Configuration, Counts]:
-    """Count the outcomes of a task's visible predictions, the surest success first."""
+    """Count the outcomes of a task's predictions, the surest success first."""
     outcome = _P.c.outcome_success
     counted = (func.count().filter(item) for item in (_P.c.status != "ok", outcome.is_(True), outcome.is_(False)))
-    query = of_visible_predictions(select(*_CONFIGURATION, func.count(), *counted), task).group_by(*_CONFIGURATION)
+    query = select(*_CONFIGURATION, func.count(), *counted).where(_P.c.task == task).group_by(*_CONFIGURATION)
     rows = connection.execute(query.order_by(func.count().desc(), *_CONFIGURATION[:2]))
     found = ((Configuration(*row[:5]), Counts(*row[5:])) for row in rows)
     return dict(sorted(found, key=lambda item: item[1].rate.interval[0], reverse=True))

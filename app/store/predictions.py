@@ -11,7 +11,6 @@ from app.store import tables
 from app.store.errors import NotFoundError
 from app.store.filters import PredictionFilter, fetch_page
 from app.store.records import Page, PredictionDraft, PredictionRecord
-from app.store.visibility import present
 
 _PREDICTIONS = tables.predictions
 _INSERT = insert(_PREDICTIONS).returning(_PREDICTIONS.c.sequence)
@@ -19,8 +18,8 @@ EVERY = PredictionFilter()
 
 
 def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
-    """Store a prediction, of the key whose request this is; raises NotFoundError if its task was deleted meanwhile."""
-    values = {**vars(draft), "id": uuid4().hex, "created_at": datetime.now(UTC), "key_id": present().key_id or None}
+    """Store a prediction; raises NotFoundError if its task was deleted meanwhile."""
+    values = {**vars(draft), "id": uuid4().hex, "created_at": datetime.now(UTC)}
     try:
         sequence = connection.execute(_INSERT, {**values, "cameras": draft.cameras or None}).scalar_one()
     except IntegrityError as error:
@@ -31,7 +30,7 @@ def add(connection: Connection, draft: PredictionDraft) -> PredictionRecord:
 def get(connection: Connection, prediction_id: str) -> PredictionRecord:
     """The prediction; raises NotFoundError."""
     row = connection.execute(select(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id)).first()
-    if row is None or not present().has_prediction(row.task, row.key_id):
+    if row is None:
         raise NotFoundError("prediction", prediction_id)
     return _record(row)
 
@@ -39,13 +38,12 @@ def get(connection: Connection, prediction_id: str) -> PredictionRecord:
 def list_page(
     connection: Connection, chosen: PredictionFilter = EVERY, limit: int = 50, cursor: int | None = None
 ) -> Page[PredictionRecord]:
-    """The visible predictions that fit, newest first."""
+    """The predictions that fit, newest first."""
     return fetch_page(connection, _PREDICTIONS, chosen.narrow(select(_PREDICTIONS)), limit, cursor, _record)
 
 
 def record_outcome(connection: Connection, prediction_id: str, success: bool, note: str | None) -> PredictionRecord:
-    """Record an outcome; a later one replaces an earlier one. Raises NotFoundError, ForbiddenError."""
-    present().require_own(get(connection, prediction_id).key_id)
+    """Record an outcome; a later one replaces an earlier one. Raises NotFoundError."""
     values = {"outcome_success": success, "outcome_note": note, "outcome_at": datetime.now(UTC)}
     connection.execute(update(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id).values(values))
     return get(connection, prediction_id)

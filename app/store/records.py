@@ -104,8 +104,9 @@ class EpisodeRecord(DemonstrationRecord):
     corrects: str | None = None  # id of the failed prediction in whose scene the episode shows how it is done
     left_out: bool = False  # kept, but shown in no prompt
     note: str = ""  # what a person says of it
+    upload_key: str | None = None  # the `Idempotency-Key` of its upload
+    upload_digest: str | None = None  # SHA-256 of what was sent with that key, in hexadecimal
     uploaded_instruction: str | None = None  # what it came with, where `instruction` was corrected since
-    key_id: str | None = None  # of the API key that uploaded it; None where none was needed
     trim: JsonObject | None = None  # what is kept of the recording, see `kept_frames`; None: all of it
     findings: tuple[JsonObject, ...] | None = None  # `Finding.to_json`; None where 1.0 stored the episode
     films: Mapping[str, str] = field(default_factory=dict)  # digests by camera; lists do not read them
@@ -216,4 +217,3 @@ class PredictionRecord(PredictionDraft, _StoredPrediction):
     """A stored prediction."""
 
     outcome_at: datetime | None
-    key_id: str | None  # of the API key that asked for it; None where none was needed

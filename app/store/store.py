@@ -12,7 +12,7 @@ from sqlalchemy import Connection, Text, cast, select
 
 from app.store import tables
 from app.store.blobs import BlobStore, FileBlobStore, digests_in
-from app.store.data_folder import Turns, private_folder, private_opener
+from app.store.data_folder import private_folder, private_opener
 from app.store.database import SERVER_CONNECTIONS, Database, migrate
 from app.store.errors import StoreUnavailableError, disk_errors
 
@@ -33,14 +33,12 @@ class Store:
 
     Attributes:
         blobs: images; put them before the row that refers to them is committed.
-        turns: for what only one request may do at a time.
     """
 
     def __init__(self, database: Database, blobs: BlobStore, data_dir: Path) -> None:
         self._database = database
         self._data_dir = data_dir
         self.blobs = blobs
-        self.turns = Turns(data_dir / "turns")
 
     @classmethod
     def open(
@@ -105,7 +103,6 @@ class Store:
                 return 0
             first()
             removed = self.sweep()
-            self.turns.sweep()
             note.truncate(0)
             note.write(str(time.time()))
             return removed

@@ -51,11 +51,12 @@ episodes = Table(
     Column("created_at", UtcDateTime, nullable=False),
     Column("prediction_id", String(32)),
     Column("corrects", String(32), index=True),
-    Column("key_id", String(16), index=True),
     Column("trim", Json),
     Column("left_out", Boolean, nullable=False),
     Column("note", String(500), nullable=False),
     Column("uploaded_instruction", String(500)),
+    Column("upload_key", String(200), unique=True),
+    Column("upload_digest", String(64)),
     Column("findings", Items()),
     Column("keyframes_key", String(16), nullable=False),
     Column("poses_key", String(16), nullable=False),
@@ -85,7 +86,6 @@ predictions = Table(
     Column("sequence", SequenceNumber, primary_key=True),
     Column("id", String(32), nullable=False, unique=True),
     Column("task", String(64), ForeignKey("tasks.name"), nullable=False),
-    Column("key_id", String(16)),
     Column("instruction", String(500), nullable=False),
     Column("model", String, nullable=False),
     Column("representation", String, nullable=False),
@@ -109,19 +109,7 @@ predictions = Table(
     Column("reply_text", Text),
     Column("actions", Items()),
     Index(None, "task", "sequence"),
-    Index(None, "key_id", "sequence"),
     sqlite_autoincrement=True,
-)
-
-idempotency_keys = Table(
-    "idempotency_keys",
-    metadata,
-    Column("scope", String(64), primary_key=True),
-    Column("owner", String(16), primary_key=True),
-    Column("key", String(255), primary_key=True),
-    Column("request_digest", String(64), nullable=False),
-    Column("response", Json, nullable=False),
-    Column("created_at", UtcDateTime, nullable=False, index=True),
 )
 
 api_keys = Table(
@@ -130,21 +118,9 @@ api_keys = Table(
     Column("id", String(16), primary_key=True),
     Column("name", String(64), nullable=False),
     Column("digest", String(64), nullable=False),
-    Column("scopes", Items(), nullable=False),
-    Column("tasks", Items()),
+    Column("scope", String(16), nullable=False),
     Column("created_at", UtcDateTime, nullable=False),
-    Column("expires_at", UtcDateTime),
     Column("revoked_at", UtcDateTime),
-    Column("last_used_at", UtcDateTime),
-)
-
-sessions = Table(
-    "sessions",
-    metadata,
-    Column("digest", String(64), primary_key=True),
-    Column("key_id", String(16), ForeignKey("api_keys.id"), nullable=False, index=True),
-    Column("created_at", UtcDateTime, nullable=False),
-    Column("expires_at", UtcDateTime, nullable=False),
 )
 
 # What an object of a task looks like, by masks; its cameras' images are kept even if their episode is deleted.

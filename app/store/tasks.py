@@ -12,7 +12,6 @@ from app.store import tables
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import TaskCounts, TaskRecord
 from app.store.values import JsonObject
-from app.store.visibility import of_visible_predictions, of_visible_tasks, present
 
 _TASKS = tables.tasks
 # Every prediction asks this, and building the statement would take as long as running it.
@@ -20,11 +19,7 @@ _GET = select(_TASKS).where(_TASKS.c.name == bindparam("name"))
 
 
 def find(connection: Connection, name: str, *, lock: bool = False) -> TaskRecord | None:
-    """The task, if there is one; with `lock` no other transaction changes it until this one ends.
-
-    Raises ForbiddenTaskError.
-    """
-    present().require_task(name)
+    """The task, if there is one; with `lock` no other transaction changes it until this one ends."""
     # NO KEY: predictions that refer to the task are inserted meanwhile. SQLite, where writers are alone, ignores it.
     query = _GET.with_for_update(key_share=True) if lock else _GET
     row = connection.execute(query, {"name": name}).first()
@@ -44,9 +39,9 @@ def lock(connection: Connection, name: str) -> TaskRecord:
 
 
 def list_all(connection: Connection) -> tuple[TaskRecord, ...]:
-    """Every task that is seen, by name."""
-    query = of_visible_tasks(select(_TASKS), _TASKS.c.name)
-    return tuple(TaskRecord(**row._mapping) for row in connection.execute(query.order_by(_TASKS.c.name)))
+    """Every task, by name."""
+    rows = connection.execute(select(_TASKS).order_by(_TASKS.c.name))
+    return tuple(TaskRecord(**row._mapping) for row in rows)
 
 
 def most_recently_used(connection: Connection, limit: int) -> tuple[str, ...]:
@@ -111,7 +106,7 @@ def num_episodes(connection: Connection) -> dict[str, int]:
 
 
 def counts(connection: Connection, without_models: Collection[str] = ()) -> dict[str, TaskCounts]:
-    """How much is stored of every task that is seen, without the predictions of `without_models`."""
+    """How much is stored of every task, without the predictions of `without_models`."""
     predictions = tables.predictions
     outcomes = select(
         predictions.c.task,
@@ -121,8 +116,8 @@ def counts(connection: Connection, without_models: Collection[str] = ()) -> dict
     )
     if without_models:
         outcomes = outcomes.where(predictions.c.model.not_in(without_models))
-    outcomes = of_visible_predictions(outcomes).group_by(predictions.c.task)
+    outcomes = outcomes.group_by(predictions.c.task)
     of_episodes = num_episodes(connection)
     num_predictions: dict[str, Sequence[int]] = {row[0]: row[1:] for row in connection.execute(outcomes)}
-    names = connection.scalars(of_visible_tasks(select(_TASKS.c.name), _TASKS.c.name).order_by(_TASKS.c.name))
+    names = connection.scalars(select(_TASKS.c.name).order_by(_TASKS.c.name))
     return {name: TaskCounts(of_episodes.get(name, 0), *num_predictions.get(name, (0, 0, 0))) for name in names}

@@ -8,7 +8,6 @@ from sqlalchemy import Connection, Row, select
 from app.store import tables
 from app.store.errors import CorruptDataError, NotFoundError
 from app.store.records import kept_frames
-from app.store.visibility import of_visible_tasks
 from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.trajectory import Trajectory
@@ -26,13 +25,13 @@ def unpack(npz: bytes, episode_id: str) -> Trajectory:
 
 
 def get_trajectories(connection: Connection, ids: Sequence[str], *, whole: bool = False) -> tuple[Trajectory, ...]:
-    """The trajectories of visible episodes, in the order of `ids`; raises NotFoundError, CorruptDataError.
+    """The trajectories of episodes, in the order of `ids`; raises NotFoundError, CorruptDataError.
 
     Args:
         whole: with what was trimmed off.
     """
     query = select(_EPISODES.c.id, _EPISODES.c.trim, _EPISODES.c.trajectory).where(_EPISODES.c.id.in_(ids))
-    found = {row.id: row for row in connection.execute(of_visible_tasks(query, _EPISODES.c.task))}
+    found = {row.id: row for row in connection.execute(query)}
     for episode_id in ids:
         if episode_id not in found:
             raise NotFoundError("episode", episode_id)
@@ -44,6 +43,6 @@ def get_trajectory(connection: Connection, episode_id: str, *, whole: bool = Fal
     return get_trajectories(connection, [episode_id], whole=whole)[0]
 
 
-def _unpacked(row: Row[Any], *, whole: bool) -> Trajectory:
+def _unpacked(row: Row[Any, Any, Any], *, whole: bool) -> Trajectory:
     trajectory = unpack(row.trajectory, row.id)
     return trajectory if whole or row.trim is None else trajectory.part(*kept_frames(row.trim))

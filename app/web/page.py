@@ -25,7 +25,7 @@ from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
-from app.api.access_rules import COOKIE, GUIDE
+from app.api.access_rules import GUIDE
 from app.api.problems import problem_of
 from app.perception.images import decode_rgb
 from app.pipeline.success_rate import SuccessRate
@@ -205,7 +205,7 @@ def render(request: Request, template: str, status_code: int = 200, **shown: obj
     # Behind a proxy the service may live below a path of its host.
     root = request.scope.get("root_path", "")
     places = {"root": root, "static": root + STATIC_ADDRESS, "here": request.url.path}
-    html = _ENVIRONMENT.get_template(template).render(**places, may_log_out=COOKIE in request.cookies, **shown)
+    html = _ENVIRONMENT.get_template(template).render(**places, **shown)
     return HTMLResponse(html, status_code, HEADERS)
 
 

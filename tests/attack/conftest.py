@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import httpx
 import pytest
 
-from tests.attack.tenants import running_tenants
 from tests.e2e.processes import killable_server
 from tests.episodes import upload
 
@@ -36,9 +35,3 @@ def http(service):
     with httpx.Client(base_url=service.url, timeout=120) as client:
         assert upload(client, "pick", (0.1, 0.1, 0.78)).status_code == 201
         yield client
-
-
-@pytest.fixture(scope="module")
-def tenants(tmp_path_factory):
-    with running_tenants(tmp_path_factory.mktemp("tenants")) as running:
-        yield running

@@ -131,7 +131,6 @@ def test_everything_of_an_episode_can_be_had(http):
         address = f"/episodes/{episode_id}/images/{name}/{kind}"
         assert http.get(address, params={"original": True}).content == data
         assert http.get(address).headers["content-type"] == "image/png"
-    assert http.get("/uploads/unheard").status_code == 404
 
 
 def test_an_archive_is_the_same_on_another_service(url, http, tmp_path):

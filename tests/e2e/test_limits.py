@@ -1,11 +1,10 @@
-"""An operator's limits hold, and a repeated prediction is answered as the first was."""
+"""An operator's limits hold."""
 
 import json
 
 import httpx
 import numpy as np
 import pytest
-from httpx_sse import connect_sse
 
 from tests.e2e.processes import killable_server
 from tests.episodes import arrays, camera, metadata, multipart, npz, pick_trajectory, png, upload
@@ -82,40 +81,3 @@ def test_images_go_to_no_other_machine(http):
     assert "ROBOPROMPT_POSE_SERVERS" in answer.json()["detail"]
     model["url"] = "http://127.0.0.1:9/poses"
     assert http.put("/tasks/remote", json={"object_models": {"mug": model}}).status_code == 200
-
-
-QUESTION = {**metadata("pick", {"cube": PLACE_M}), "num_demonstrations": 1, "unsupported": "allow"}
-
-
-def ask(http, key, **changes):
-    return http.post("/predict", json={**QUESTION, **changes}, headers={"idempotency-key": key})
-
-
-def test_a_repeated_prediction_is_answered_as_the_first_was(http):
-    first = ask(http, "one").json()
-    assert ask(http, "one").json() == first
-    assert ask(http, "two").json()["id"] != first["id"]
-    assert http.post("/predict", json=QUESTION).json()["id"] != first["id"]
-    conflict = ask(http, "one", max_actions=3)
-    assert (conflict.status_code, "different request" in conflict.json()["detail"]) == (409, True)
-
-
-def test_a_repeated_stream_gives_the_same_events(http):
-    def events():
-        headers = {"idempotency-key": "stream"}
-        with connect_sse(http, "POST", "/predict", json=QUESTION, headers=headers) as source:
-            return [(event.event, event.json()) for event in source.iter_sse()]
-
-    first = events()
-    assert [name for name, _ in first] == ["findings", "grounding", "action", "done"]
-    (name, findings), *rest = events()
-    assert (name, rest) == ("findings", first[1:])
-    # the reply is known this time
-    codes = [item["code"] for item in findings["findings"]]
-    assert codes == ["few-demonstrations", "unsupported-action", "acts-elsewhere"]
-    assert ask(http, "stream").json() == first[-1][1]
-
-
-def test_a_prediction_that_failed_is_asked_for_again(http):
-    assert ask(http, "failing", model="nobody").status_code == 422
-    assert ask(http, "failing").status_code == 200

@@ -117,7 +117,7 @@ def test_predict_refused(http, task, change, status, said):
 
 def test_an_empty_idempotency_key_is_refused(http):
     """It would be the same key for every request of a client that has none to send."""
-    refused(http.post("/predict", json=PREDICT, headers={"Idempotency-Key": ""}), "idempotency-key")
+    refused(http.post("/episodes", json={}, headers={"Idempotency-Key": ""}), "idempotency-key")
 
 
 def test_rotation_that_the_demonstrations_have_is_missing(http):

@@ -30,7 +30,7 @@ def provoked(tmp_path_factory):
     """Everything that a service said and wrote while it was used and abused, and the secrets that it had."""
     data = tmp_path_factory.mktemp("secrets")
     store = Store.open(data)
-    token = create_key(store, "robot", ["admin"])
+    token = create_key(store, "robot", "admin")
     store.close()
     answers = []
     with answering(gossip) as address:

@@ -41,7 +41,7 @@ def prediction(predicted, objects, **changes):
         "model": "m", "representation": "absolute", "prompt_format": "paper", "status": "ok", "request": {},
         "demonstration_ids": ("0", "1", "2"), "prompt_system": "", "prompt_user": "", "reply_text": "", "error": None,
         "actions": tuple(actions), "usage": {}, "timings_ms": {}, "objects": objects,
-        "outcome_success": None, "outcome_note": None, "outcome_at": None, "key_id": None,
+        "outcome_success": None, "outcome_note": None, "outcome_at": None,
         "grounding": {"instruction": INSTRUCTION}, "findings": (),
     }  # fmt: skip
     return PredictionRecord(**{**values, **changes})

@@ -6,7 +6,7 @@ from sqlalchemy import select
 from typer.testing import CliRunner
 
 from app.cli import application
-from app.store import episodes, idempotency, predictions
+from app.store import episodes, predictions
 from app.store.backup import back_up
 from app.store.errors import CorruptDataError, StoreUnavailableError
 from app.store.store import Store, blob_digests
@@ -24,7 +24,6 @@ def fill(store):
     added = predict(store, prediction_draft(cameras=(camera_record(rgb_digest=seen),)))
     with store.write() as connection:
         predictions.record_outcome(connection, added.id, True, "Zoë \N{ROBOT FACE}")
-        idempotency.save(connection, "POST /episodes", "key", "d" * 64, {"id": "a"})
     store.blobs.put(b"orphan")
 
 

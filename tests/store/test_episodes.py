@@ -1,3 +1,5 @@
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +14,7 @@ from app.store.trajectories import get_trajectory
 from app.store.values import CameraRecord, KeyframeRecord, ObjectRecord
 from roboprompt_client.types.camera import camera_json
 
-from .drafts import EXTRACTION_KEYS, TASK, camera_record, episode_draft, object_record, read, upload, write
+from .drafts import EXTRACTION_KEYS, SETTINGS, TASK, camera_record, episode_draft, object_record, read, upload, write
 from .drafts import trajectory as recorded
 
 
@@ -216,3 +218,21 @@ def test_episodes_without_depth_are_counted(store):
     upload(store, episode_draft(cameras=(camera_record(rgb_digest="a" * 64),)))
     upload(store, episode_draft(1, cameras=(camera_record(rgb_digest="a" * 64, depth_digest="b" * 64),)))
     assert read(store, episodes.number_unseen, TASK) == 1
+
+
+def test_of_uploads_with_one_key_at_once_one_is_stored(store):
+    start = threading.Barrier(4)
+
+    def upload_once(_):
+        start.wait()
+        with store.write() as connection:
+            if (found := episodes.uploaded_with(connection, "key")) is not None:
+                return found.id
+            tasks.get_or_create(connection, TASK, SETTINGS)
+            return episodes.add(connection, replace(episode_draft(), upload_key="key", upload_digest="d")).id
+
+    with ThreadPoolExecutor(4) as pool:
+        answers = set(pool.map(upload_once, range(4)))
+    (episode,) = read(store, episodes.list_page, EpisodeFilter(upload_key="key")).items
+    assert answers == {episode.id}
+    assert read(store, episodes.list_page, EpisodeFilter(upload_key="other")).items == ()

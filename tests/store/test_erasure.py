@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import func, select, update
 
-from app.store import erasure, idempotency, labels, predictions, tables, tasks
+from app.store import erasure, labels, predictions, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.labels import LabelRecord
 
@@ -14,16 +14,10 @@ from .drafts import TASK, camera_record, episode_draft, predict, prediction_draf
 OTHER = "close_jar"
 
 
-def remember(store, scope, key, response):
-    write(store, idempotency.save, scope, key, "d", response)
-
-
 def fill(store, task):
-    """An episode, a label, a prediction with an outcome, the answers to both requests."""
+    """An episode, a label, a prediction with an outcome."""
     episode = upload(store, episode_draft(task=task, films={"front": "c" * 64}))
     asked = predict(store, prediction_draft(task))
-    remember(store, idempotency.UPLOAD, f"up {task}", {"id": episode.id, "task": task})
-    remember(store, idempotency.PREDICT, f"ask {task}", {"id": asked.id, "actions": []})
     with store.write() as connection:
         predictions.record_outcome(connection, asked.id, True, "fine")
         labels.add(connection, LabelRecord(task, "drawer", (camera_record(),), {"front": 7}, None, episode.id))
@@ -31,7 +25,7 @@ def fill(store, task):
 
 def counts(store):
     of_task = (tables.tasks, tables.episodes, tables.labels, tables.predictions)
-    listed = (*of_task, tables.idempotency_keys, tables.films)
+    listed = (*of_task, tables.films)
     with store.read() as connection:
         return {table.name: connection.scalar(select(func.count()).select_from(table)) for table in listed}
 
@@ -45,8 +39,6 @@ def test_a_task_goes_with_all_that_it_holds(store):
     assert counts(store) == alone
     with store.read() as connection:
         assert tasks.get(connection, OTHER).object_names == ("drawer", "cube")
-        assert idempotency.answered(connection, idempotency.UPLOAD, f"up {OTHER}") is not None
-        assert idempotency.answered(connection, idempotency.PREDICT, f"ask {OTHER}") is not None
 
 
 def test_what_was_under_way_for_a_deleted_task_is_refused(store):
@@ -59,15 +51,11 @@ def test_what_was_under_way_for_a_deleted_task_is_refused(store):
     assert set(counts(store).values()) == {0}
 
 
-def test_a_prediction_goes_with_the_answer_that_was_kept(store):
+def test_a_prediction_goes(store):
     gone, kept = predict(store, prediction_draft()), predict(store, prediction_draft())
-    for record in (gone, kept):
-        remember(store, idempotency.PREDICT, record.id, {"id": record.id})
     write(store, erasure.erase_prediction, gone.id)
     with store.read() as connection:
         assert predictions.get(connection, kept.id) == kept
-        assert idempotency.answered(connection, idempotency.PREDICT, gone.id) is None
-        assert idempotency.answered(connection, idempotency.PREDICT, kept.id) is not None
         with pytest.raises(NotFoundError, match=gone.id):
             predictions.get(connection, gone.id)
     with pytest.raises(NotFoundError, match=gone.id), store.write() as connection:

@@ -64,7 +64,7 @@ def test_migrations_and_tables_say_the_same(either):
 def test_down_and_up_again(either):
     migrate(either)
     everything = tables_in(either)
-    assert {"tasks", "episodes", "predictions", "idempotency_keys"} < everything
+    assert {"tasks", "episodes", "predictions", "api_keys"} < everything
     config = alembic_config()
     with migration_transaction(either) as connection:
         config.attributes["connection"] = connection

@@ -2,20 +2,11 @@
 
 from typing import Annotated, Any
 
-from fastapi import Depends, Header, Request
+from fastapi import Depends, Request
 from pydantic import BaseModel
 
 from app.api.problems import CONTENT
 from app.services.container import Services
-
-IdempotencyKey = Annotated[
-    str | None,
-    Header(
-        min_length=1,
-        max_length=200,
-        description="a repeated request with the same key gets the answer of the first one",
-    ),
-]
 
 _BINARY = {"type": "string", "format": "binary"}
 _OF_CAMERA = "image of the camera `front`, if metadata names one; `{kind}_NAME` for a camera NAME"

@@ -1,13 +1,10 @@
-"""Episodes: upload, list, read, correct and delete; and the episode of an earlier upload.
-
-An import that was interrupted asks for the latter.
-"""
+"""Episodes: upload, list, read, correct and delete."""
 
 from functools import partial
 from typing import Annotated, Any
 
 import anyio.to_thread
-from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi import APIRouter, Header, Path, Query, Request, Response
 from fastapi import Body as FromBody
 from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
@@ -16,10 +13,10 @@ from app.api.body import FILM_PREFIX, Body, read_body
 from app.api.decoding import UniqueKeysRoute
 from app.api.documents import episode_document, metadata_document
 from app.api.image_work import decode_frames, image_work, split_images
-from app.api.routes import IdempotencyKey, Wired, body_of, problems
+from app.api.routes import Wired, body_of, problems
 from app.api.schemas.lists import EpisodesQuery
 from app.api.schemas.requests import EpisodeEdit, EpisodeJson, EpisodeMetadata
-from app.api.schemas.responses import EpisodeOut, EpisodePage, UploadedEpisodeOut, UploadOut
+from app.api.schemas.responses import EpisodeOut, EpisodePage, UploadedEpisodeOut
 from app.perception.films import checked_film
 from app.perception.images import as_image
 from app.pipeline.episode import Episode
@@ -31,7 +28,7 @@ from app.services.measures import note
 from app.services.task_settings import TaskSettings
 from app.services.teach.edit import edit_episode, remove_episode
 from app.services.teach.upload_checks import Upload
-from app.store import episodes, idempotency, tasks, trajectories
+from app.store import episodes, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.store import Store
 from app.store.values import ImageKind, JsonObject
@@ -53,7 +50,14 @@ router = APIRouter(tags=["episodes"], route_class=UniqueKeysRoute)
         _422="a value is not valid, or the objects are not those of the task",
     ),
 )
-async def upload_episode(request: Request, services: Wired, idempotency_key: IdempotencyKey = None) -> Response:
+async def upload_episode(
+    request: Request,
+    services: Wired,
+    idempotency_key: Annotated[
+        str | None,
+        Header(min_length=1, max_length=200, description="what is sent again with the same key is stored once"),
+    ] = None,
+) -> Response:
     """Store a demonstration, find its keyframes and estimate its objects' poses.
 
     Multipart: a part `metadata` (JSON), a part `trajectory` (.npz, no pickles) and per camera NAME the parts `rgb_NAME`
@@ -263,17 +267,3 @@ def get_picture(
     if number >= len(pictures):
         raise NotFoundError(f"picture of the film {camera}, which has {len(pictures)},", str(number))
     return Response(pictures[number], media_type="image/jpeg")
-
-
-@router.get(
-    "/uploads/{idempotency_key}",
-    response_model=UploadOut,
-    responses=problems(_404="nothing was uploaded with this key, or it was deleted since"),
-)
-def get_upload(services: Wired, idempotency_key: str) -> Response:
-    """The episode that an upload with this `Idempotency-Key` made."""
-    with services.store.read() as connection:
-        stored = idempotency.answered(connection, idempotency.UPLOAD, idempotency_key)
-        if stored is None or not episodes.exist(connection, stored["id"]):
-            raise NotFoundError("upload", idempotency_key)
-    return JSONResponse({"episode_id": stored["id"]})

@@ -2,9 +2,8 @@
 
 import json
 import re
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
-from contextlib import AsyncExitStack, aclosing
-from functools import partial
+from collections.abc import AsyncGenerator, AsyncIterator
+from contextlib import aclosing
 
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
@@ -15,8 +14,8 @@ from app.api.documents import dry_run_document, prediction_document, understood_
 from app.api.image_work import image_work
 from app.api.problems import problem_of
 from app.api.question_body import questioned
-from app.api.routes import IdempotencyKey, Wired, body_of, problems
-from app.api.schemas.predictions import DryRunOut, PredictionOut, UnderstoodOut
+from app.api.routes import Wired, body_of, problems
+from app.api.schemas.predictions import DryRunOut, PredictionOut
 from app.api.schemas.requests import PredictBody
 from app.llm.base import Reading, TextDelta
 from app.services.predict.ask import Arriving
@@ -25,7 +24,6 @@ from app.services.predict.question import Question
 from app.services.predict.record import Prediction
 from app.store.errors import StoreError
 from app.store.values import JsonObject
-from app.store.visibility import present
 
 EVENT_STREAM = "text/event-stream"
 REFUSED_QUALITY = re.compile(r"q\s*=\s*0(\.0*)?")
@@ -41,9 +39,8 @@ router = APIRouter(tags=["predictions"])
     openapi_extra=body_of(PredictBody, packed=True),
     responses=STREAMED
     | problems(
-        _403="the key lacks the scope, is for other tasks, or may not read the demonstrations that a dry run shows",
         _404="no such task or episode",
-        _409="the task has no demonstrations yet, or the idempotency key came with other content",
+        _409="the task has no demonstrations yet",
         _415="neither multipart, JSON nor MessagePack",
         _422="a value is not valid, or the objects are not those of the task",
         _502="the LLM failed, or its reply is not a list of valid actions, or one is unsafe (reply_text has it)",
@@ -51,7 +48,7 @@ router = APIRouter(tags=["predictions"])
         _504="the LLM did not answer in time",
     ),
 )
-async def predict(request: Request, services: Wired, idempotency_key: IdempotencyKey = None) -> Response:
+async def predict(request: Request, services: Wired) -> Response:
     """Actions for the observed scene, by an LLM that continues the pattern of the demonstrations.
 
     JSON with the objects' poses; or multipart with the same document as part `metadata`, and the cameras' images as in
@@ -72,30 +69,18 @@ async def predict(request: Request, services: Wired, idempotency_key: Idempotenc
     """
     body = await read_body(request, packed=True)
     streamed = _wants_events(request.headers.get("accept", ""))
-    keep = _not_kept
-    async with AsyncExitStack() as turn:
-        if idempotency_key is not None:
-            await turn.enter_async_context(services.repeated_predictions.alone(idempotency_key))
-        async with image_work(request).room(request, body, services.limits) as decode:
-            query, asked = await questioned(decode, body, services)
-            if asked.dry_run:
-                present().require_demonstrations()
-            if idempotency_key is not None and not asked.dry_run:
-                digest = await decode(body.digest)
-                if (known := await services.repeated_predictions.answer_to(idempotency_key, digest, query)) is not None:
-                    return EventSourceResponse(_events_again(known)) if streamed else JSONResponse(known)
-                keep = partial(services.repeated_predictions.remember, idempotency_key, digest, query.without_frames())
-            question = await services.predict_actions.prepare(query, ask_meaning=not asked.dry_run)
-            del query  # the room is given back, and with it what was decoded
-        if asked.dry_run:
-            return JSONResponse(dry_run_document(question))
-        if streamed:
-            answer = services.predict_actions.stream(question)
-            # What fails before the first action is answered with its own status.
-            first = await anext(answer)
-            return EventSourceResponse(_events(request, question, first, answer, keep, turn.pop_all()))
-        prediction = await services.predict_actions.complete(question)
-        return JSONResponse(await keep(prediction_document(prediction)))
+    async with image_work(request).room(request, body, services.limits) as decode:
+        query, asked = await questioned(decode, body, services)
+        question = await services.predict_actions.prepare(query, ask_meaning=not asked.dry_run)
+        del query  # the room is given back, and with it what was decoded
+    if asked.dry_run:
+        return JSONResponse(dry_run_document(question))
+    if streamed:
+        answer = services.predict_actions.stream(question)
+        # What fails before the first action is answered with its own status.
+        first = await anext(answer)
+        return EventSourceResponse(_events(request, question, first, answer))
+    return JSONResponse(prediction_document(await services.predict_actions.complete(question)))
 
 
 def _wants_events(accept: str) -> bool:
@@ -107,13 +92,6 @@ def _wants_events(accept: str) -> bool:
     return False
 
 
-_Keep = Callable[[JsonObject], Awaitable[JsonObject]]
-
-
-async def _not_kept(document: JsonObject) -> JsonObject:
-    return document
-
-
 _Item = Arriving | Prediction
 
 
@@ -122,24 +100,18 @@ async def _events(
     question: Question,
     first: _Item,
     answer: AsyncGenerator[_Item, None],
-    keep: _Keep,
-    turn: AsyncExitStack,
 ) -> AsyncIterator[bytes]:
-    """Yield the answer as server-sent events, first the findings of the scene.
-
-    Args:
-        turn: left at the end; a repeated request waits for it.
-    """
+    """Yield the answer as server-sent events, first the findings of the scene."""
     sent = 0
-    async with turn, aclosing(answer):
+    async with aclosing(answer):
         try:
             yield _event("findings", {"findings": [finding.to_json() for finding in question.findings]})
             yield _event("grounding", understood_document(question.grounded))
             sent += isinstance(first, PredictedAction)
-            yield await _event_of(first, keep)
+            yield _event_of(first)
             async for item in answer:
                 sent += isinstance(item, PredictedAction)
-                yield await _event_of(item, keep)
+                yield _event_of(item)
         except Exception as error:  # the status is sent already: whatever goes wrong is said here
             document = json.loads(bytes(problem_of(request, error).body))
             if isinstance(error, StoreError):  # the robot may have moved, and nothing else remembers it
@@ -151,7 +123,7 @@ def _event(name: str, document: JsonObject) -> bytes:
     return format_sse_event(event=name, data_str=json.dumps(document))
 
 
-async def _event_of(item: _Item, keep: _Keep) -> bytes:
+def _event_of(item: _Item) -> bytes:
     match item:
         case TextDelta():
             return _event("text", {"text": item.text})
@@ -160,15 +132,4 @@ async def _event_of(item: _Item, keep: _Keep) -> bytes:
         case PredictedAction():
             return _event("action", item.document)
         case Prediction():
-            document = prediction_document(item)
-            await keep(document)
-            return _event("done", document)
-
-
-async def _events_again(document: JsonObject) -> AsyncIterator[bytes]:
-    """The events of an answer that was given before."""
-    yield _event("findings", {"findings": document["findings"]})
-    yield _event("grounding", {name: document[name] for name in UnderstoodOut.model_fields})
-    for action in document["actions"]:
-        yield _event("action", action)
-    yield _event("done", document)
+            return _event("done", prediction_document(item))

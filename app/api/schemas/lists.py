@@ -57,14 +57,14 @@ class Filtered(OfTask):
     finding: Annotated[
         str | None, Field(pattern=r"^[a-z][a-z0-9-]{0,63}$", description="only with a finding of this code")
     ] = None
-    author: Annotated[
-        str | None, Field(max_length=64, description="only what was sent with the API key of this name")
-    ] = None
 
 
 class EpisodesQuery(PageQuery, Filtered):
     """The query of a list of episodes."""
 
+    upload_key: Annotated[
+        str | None, Field(max_length=200, description="only the episode whose upload had this `Idempotency-Key`")
+    ] = None
     left_out: Annotated[
         bool | None, Field(description="true: only episodes that are left out of prompts; false: only the others")
     ] = None

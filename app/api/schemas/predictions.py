@@ -172,9 +172,6 @@ class StoredPrediction(UnderstoodOut):
     findings: Annotated[list[FindingOut], Field(description="doubts, causes before effects")]
     request: dict[str, Any]
     outcome: OutcomeOut | None
-    key_id: Annotated[
-        str | None, Field(description="id of the API key that asked for it; null if keys are not required")
-    ] = None
     created_at: datetime
 
 

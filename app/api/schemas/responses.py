@@ -90,7 +90,6 @@ class ListedEpisode(BaseModel):
         str | None, Field(description="instruction of the upload, if it was corrected since; else null")
     ]
     trim: Annotated[TrimOut | None, Field(description="the part of the recording that is kept; null: all of it")]
-    key_id: Annotated[str | None, Field(description="id of the API key that uploaded it; null where none was needed")]
     observation_text: str
     actions_text: str
     created_at: datetime
@@ -110,12 +109,6 @@ class UploadedEpisodeOut(EpisodeOut):
     """An episode that was just uploaded."""
 
     findings: Annotated[list[FindingOut], Field(description="doubts about the recording")]
-
-
-class UploadOut(BaseModel):
-    """The episode that an upload made."""
-
-    episode_id: str
 
 
 class EpisodePage(BaseModel):

@@ -11,11 +11,10 @@ from app.services.images import put_images
 from app.services.poses import PoseServers
 from app.services.task_settings import TaskSettings
 from app.services.teach.upload_checks import CheckedUpload, StoredTask, Upload, checked_upload
-from app.store import episodes, idempotency, predictions, tasks
+from app.store import episodes, predictions, tasks
 from app.store.errors import ConflictError, NotFoundError
 from app.store.records import EpisodeDraft, EpisodeRecord
 from app.store.store import Store
-from app.store.visibility import present
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.trajectory import npz_from_trajectory
 
@@ -72,7 +71,8 @@ class UploadEpisode:
             extra=dict(episode.extra),
             prediction_id=upload.prediction_id,
             corrects=upload.corrects,
-            key_id=present().key_id or None,
+            upload_key=upload.idempotency_key,
+            upload_digest=upload.digest if upload.idempotency_key else None,
             left_out=upload.left_out,
             note=upload.note,
             uploaded_instruction=upload.uploaded_instruction
@@ -101,21 +101,20 @@ class UploadEpisode:
 
 def _stored(connection: Connection, upload: Upload, draft: EpisodeDraft, settings: TaskSettings) -> EpisodeRecord:
     record = episodes.add(connection, draft)
-    if upload.idempotency_key is not None:
-        answer = {"id": record.id, "task": record.task}
-        idempotency.save(connection, idempotency.UPLOAD, upload.idempotency_key, upload.digest, answer)
     tasks.update_settings(connection, record.task, settings.stored())
     return record
 
 
 def _uploaded_before(connection: Connection, upload: Upload) -> EpisodeRecord | None:
-    """Return the episode of the same request; None if it is new, or its episode was deleted since."""
-    if upload.idempotency_key is None:
+    """Return the episode of an upload with the same key; None if there is none.
+
+    Raises ConflictError if other content came with the key.
+    """
+    if (key := upload.idempotency_key) is None or (stored := episodes.uploaded_with(connection, key)) is None:
         return None
-    stored = idempotency.find(connection, idempotency.UPLOAD, upload.idempotency_key, upload.digest)
-    if stored is None or not episodes.exist(connection, stored["id"]):
-        return None
-    return episodes.get(connection, stored["id"])
+    if stored.upload_digest != upload.digest:
+        raise ConflictError(f"Idempotency-Key {key!r} was used for other content: send a new key with new content")
+    return stored
 
 
 def _check_links(connection: Connection, upload: Upload) -> None:

@@ -22,7 +22,7 @@ from app.services.extract import read_episode
 from app.services.images import read_frame, stored_film
 from app.services.setting_parts import KeyframeSettings
 from app.services.task_settings import TaskSettings
-from app.store import api_keys, episodes, tasks
+from app.store import episodes, tasks
 from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.trajectories import get_trajectory
@@ -75,11 +75,9 @@ def episode_page(request: Request, services: Wired, episode_id: str, applied: bo
     with services.store.read() as connection:
         num_episodes = tasks.counts(connection)[recording.task.name].episodes
         older, newer = episodes.neighbors(connection, recording.record)
-        author = api_keys.name_of(connection, recording.record.key_id)
     return render(
         request,
         "episode.html",
-        author=author,
         episode=recording.record,
         document=episode_document(recording.record, recording.settings),
         settings=recording.settings,

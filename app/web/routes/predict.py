@@ -28,7 +28,6 @@ from app.store import episodes, predictions, tasks
 from app.store.filters import EpisodeFilter
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.values import CameraRecord, ImageKind, JsonObject, ObjectRecord
-from app.store.visibility import present
 from app.web.page import HEADERS, PageRoute, by_origin, render, render_part
 from app.web.scene import scene
 
@@ -169,7 +168,6 @@ def episode_scene(services: Wired, episode_id: str) -> Response:
 @documents.post("/ui/predict/prompt")
 async def predict_prompt(request: Request, services: Wired) -> Response:
     """The prompt that a request to `/predict` would put to its LLM, in colors, and the scene; no LLM is asked."""
-    present().require_demonstrations()
     body = await read_body(request)
     async with image_work(request).room(request, body, services.limits) as decode:
         query, _ = await questioned(decode, body, services)

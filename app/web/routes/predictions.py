@@ -11,8 +11,8 @@ from starlette.responses import Response
 from app.api.routes import Wired
 from app.api.schemas.lists import Filtered
 from app.llm.computed import YARDSTICKS
-from app.store import episodes, prediction_lists, tables, tasks
-from app.store.filters import FATES, PredictionFilter, authors
+from app.store import episodes, prediction_lists, tasks
+from app.store.filters import FATES, PredictionFilter
 from app.store.prediction_lists import ListCursor, ListOrder
 from app.store.records import Fate
 from app.web.page import HEADERS, FormQuery, PageRoute, query_of, render, render_part
@@ -54,12 +54,10 @@ def predictions_page(request: Request, services: Wired, listed: Annotated[_Liste
         chosen = listed.filter(yardsticks=yardsticks)
         page = prediction_lists.list_page(connection, chosen, listed.order, PAGE_SIZE, _cursor(listed.cursor))
         names = list(tasks.counts(connection))
-        senders = authors(connection, tables.predictions)
     return render(
         request,
         "predictions.html",
         page=page,
-        authors=senders,
         chosen=chosen,
         order=listed.order,
         first=not listed.cursor,

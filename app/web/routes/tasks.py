@@ -19,9 +19,9 @@ from app.llm.computed import YARDSTICKS
 from app.services.container import Services
 from app.services.extract import reading
 from app.services.task_settings import TaskSettings
-from app.store import episodes, prediction_lists, tables, tasks
+from app.store import episodes, prediction_lists, tasks
 from app.store.errors import NotFoundError
-from app.store.filters import EpisodeFilter, PredictionFilter, authors
+from app.store.filters import EpisodeFilter, PredictionFilter
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
 from app.web.page import FormQuery, PageRoute, is_evaluated, query_of, render, thumbnail
 from app.web.scene import scene
@@ -127,7 +127,6 @@ def episodes_page(request: Request, services: Wired, query: Annotated[_Listed, Q
         of_models = tasks.counts(connection, YARDSTICKS)
         chosen = tasks.get(connection, task) if task else None
         page = episodes.list_page(connection, query.filter(), query.limit, query.cursor)
-        names = authors(connection, tables.episodes)
         num_left_out = episodes.number_of(connection, task, left_out=True) if task else 0
     return render(
         request,
@@ -135,7 +134,6 @@ def episodes_page(request: Request, services: Wired, query: Annotated[_Listed, Q
         page=page,
         names=list(counts),
         listed=query.filter(),
-        authors=names,
         query=query_of(request),
         chosen=chosen,
         settings=None if chosen is None else TaskSettings.model_validate(chosen.settings),

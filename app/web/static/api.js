@@ -27,8 +27,6 @@ export async function send(path, { headers = {}, json, ...options } = {}) {
     if (error.name === "AbortError") throw error;
     throw new ProblemError({ title: "The service cannot be reached", detail: "No answer: is it running?", status: 0 });
   }
-  // Where keys are demanded, the login page keeps one in a cookie, which may have ended since the page was loaded.
-  if (response.status === 401) location.assign(`${root}/ui/login?next=${encodeURIComponent(location.pathname)}`);
   if (!response.ok) throw new ProblemError(await problemOf(response));
   return response;
 }
