@@ -9,7 +9,6 @@ from app.services.compared import compared
 from app.services.extract import keyframes_of, objects_of
 from app.services.images import put_images
 from app.services.poses import PoseServers
-from app.services.task_settings import TaskSettings
 from app.services.teach.upload_checks import CheckedUpload, StoredTask, Upload, checked_upload
 from app.store import episodes, predictions, tasks
 from app.store.errors import ConflictError, NotFoundError
@@ -51,7 +50,9 @@ class UploadEpisode:
                 if (before := _uploaded_before(connection, upload)) is not None:
                     return before
                 if task.is_unchanged(connection):
-                    return _stored(connection, upload, draft, checked.settings)
+                    record = episodes.add(connection, draft)
+                    tasks.update_settings(connection, record.task, checked.settings.stored())
+                    return record
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
 
     def _draft(self, upload: Upload, task: StoredTask, checked: CheckedUpload) -> EpisodeDraft:
@@ -97,12 +98,6 @@ class UploadEpisode:
             cameras=put_images(blobs, upload.cameras, upload.images),
             films={camera: blobs.put(data) for camera, data in sorted(upload.films.items())},
         )
-
-
-def _stored(connection: Connection, upload: Upload, draft: EpisodeDraft, settings: TaskSettings) -> EpisodeRecord:
-    record = episodes.add(connection, draft)
-    tasks.update_settings(connection, record.task, settings.stored())
-    return record
 
 
 def _uploaded_before(connection: Connection, upload: Upload) -> EpisodeRecord | None:
