@@ -4,14 +4,13 @@ The simplest is `GivenPoses`: it returns poses that the request contains. Object
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
 from app.perception.models import model_from_json
 from app.perception.object_model import ObjectModel, ObjectModelError
-from app.pipeline.alike import Alike, numbered
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.names import checked_object_name
@@ -97,14 +96,6 @@ class GivenPoses:
             rotation = None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw)
             poses.append(ObjectPose(query.name, np.array(query.position_m), rotation, estimator="given"))
         return tuple(poses)
-
-
-def numbered_queries(objects: Sequence[ObjectQuery]) -> tuple[tuple[ObjectQuery, ...], tuple[Alike, ...]]:
-    """Return queries with unique names, and which of them shared a name before; raises as `numbered`."""
-    if len({query.name for query in objects}) == len(objects):
-        return tuple(objects), ()
-    names, alike = numbered([query.name for query in objects], [query.position_m for query in objects])
-    return tuple(replace(query, name=name) for query, name in zip(objects, names, strict=True)), alike
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,7 +48,7 @@ def check_object_names(given: Sequence[str], names: Sequence[str], needed: Colle
         for name in dict.fromkeys(given)
         if name not in names and (needed is None or folded_name(name) in spelled)
     ]
-    twice = sorted({name for name in given if list(given).count(name) > 1})
+    twice = sorted(f"{name} (name them '{name} 1', '{name} 2')" for name in set(given) if list(given).count(name) > 1)
     same = [f"{one} and {other}" for one, other in spelling_variants(given)]
     differences = {"missing": missing, "not of this task": unknown, "given twice": twice, "one name": same}
     if said := "; ".join(f"{what}: {', '.join(which)}" for what, which in differences.items() if which):

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from app.pipeline.alike import Alike, alike_findings
 from app.pipeline.episode import COMMANDED, Demonstration
 from app.pipeline.findings import Finding
 from app.pipeline.findings.acts import AT_OBJECT_M, NEARER_M
@@ -43,7 +42,6 @@ def upload_findings(
     rule: KeyframeRule,
     *,
     tracked: Sequence[str],
-    alike: Sequence[Alike],
     compared: Sequence[Compared],
     extra: Mapping[str, Any],
     others: Sequence[Demonstration],
@@ -53,14 +51,12 @@ def upload_findings(
     Args:
         new: the demonstration, with the keyframes that `rule` finds in `motion`.
         tracked: the objects in the order of the trajectory's tracks.
-        alike: the objects that came with one name.
         others: the task's demonstrations.
 
     Raises:
         InvalidInputError: if `extra` has commanded positions of another shape.
     """
     return (
-        *alike_findings(alike, new.instruction),
         *verb_findings(new.order),
         *unit_findings(motion.trajectory, new.objects),
         *compared_findings(compared),

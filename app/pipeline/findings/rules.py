@@ -115,7 +115,6 @@ ARRANGEMENT_OF_SIDES = Rule("objects-arranged-otherwise", "distance on the wrong
 # Which demonstrations a prompt shows
 OTHER_OBJECTS = Rule("other-objects", info=ALWAYS, source="no row follows them and no words name them")
 SYMMETRY_SHOWN = Rule("symmetry-shown", info=ALWAYS, source="docs/plans.md")
-NUMBERED = Rule("numbered-by-place", info=ALWAYS, source="docs/instructions.md")
 PLAN_OF_SCENE = Rule("plan-of-this-scene", info=ALWAYS, source="docs/plans.md")
 SCENE_BETWEEN = Rule("scene-between-plans", warning=ALWAYS, source="docs/plans.md")
 SCENE_BEYOND = Rule("scene-beyond-plans", danger=ALWAYS, source="docs/plans.md")

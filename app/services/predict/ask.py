@@ -77,7 +77,7 @@ class PredictActions:
 
     async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
         """Return the known instruction that an unclear one means, as the request's model judges; None without one."""
-        if not error.choices or request.alike:  # positions decide between equal names, and the model does not see them
+        if not error.choices:
             return None
         with timed("words"):
             profile = self._known.profile_of(request.options.model)

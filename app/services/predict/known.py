@@ -8,7 +8,6 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
-from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.units import check_meters, check_scene_units
 from app.pipeline.names import check_object_names
@@ -148,9 +147,6 @@ class KnownReader:
         if names is None:
             raise NoDemonstrationsError(record.name)
         check_object_names(sent, names, needed=())
-        if called := next((alike.called for alike in request.alike if alike.called in names), None):
-            message = f"given twice: {called}, of which demonstrations have one"
-            raise ObjectSetError("objects", message, "the one that is meant alone, or demonstrations with several")
         poses = poses_of(request.objects, task.settings, request.frames, self._store.blobs, given_first=True)
         check_scene_units([pose for pose in poses if pose.name in names], task.workspace)
         return poses

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from app.pipeline.alike import alike_findings, check_named
 from app.pipeline.episode import Query, start_at
 from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.findings import Finding
@@ -111,8 +110,6 @@ def understand(request: PredictRequest, known: Known, taught: Sequence[str]) -> 
             meant = ", ".join(name for name in with_others.objects if name not in order.objects)
             message = f"may mean {meant}, which demonstrations do not have"
             raise UngroundedInstructionError("instruction", message, ", ".join(pose.name for pose in known.objects))
-    if request.alike:
-        check_named(order, known.taught.followed(order), request.alike)
     return order
 
 
@@ -122,7 +119,6 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     taught = known.taught
     followed = taught.followed(order)
     yield from other_objects(known.absent, [pose.name for pose in known.bystanders])
-    yield from alike_findings(question.request.alike)
     yield from symmetry_findings(known.task.symmetries or {})
     yield from _words(order, question.prefix.instructions)
     yield from _parts(question)

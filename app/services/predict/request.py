@@ -7,10 +7,9 @@ from typing import Annotated, Literal, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.llm.base import ModelProfile
-from app.perception.base import ObjectQuery, numbered_queries
+from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
 from app.perception.object_model import WHOLE, Number, Truth
-from app.pipeline.alike import Alike
 from app.pipeline.representation.base import KAT_FORMAT, usual_format
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, TaskSettings
 from app.store.values import JsonObject
@@ -93,7 +92,6 @@ class PredictRequest:
         end_effector: where the robot's end effector is, where it is known.
         meaning: the instruction of the task that `instruction` means, where an LLM was asked for it.
         as_sent: the request as it came, to be stored with the prediction.
-        alike: the objects that came with one name, and are numbered in `objects`.
 
     Raises:
         InvalidInputError: for an instruction that cannot be part of a prompt.
@@ -109,13 +107,9 @@ class PredictRequest:
     meaning: str | None = None
     options: PredictOptions = PredictOptions()  # noqa: RUF009  it is frozen
     as_sent: JsonObject = field(default_factory=dict)
-    alike: tuple[Alike, ...] = ()
 
     def __post_init__(self) -> None:
         settle(self, instruction=checked_instruction("instruction", self.instruction))
-        objects, alike = numbered_queries(self.objects)
-        if alike:
-            settle(self, objects=objects, alike=alike)
 
     def without_frames(self) -> "PredictRequest":
         """The same with the cameras, but without what was decoded: it would fill the memory while the LLM is asked."""

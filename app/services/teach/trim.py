@@ -29,7 +29,7 @@ from roboprompt_client.types.quaternions import angle_between_rad
 MIN_FRAMES = 2
 MOVED_M = 0.01  # an object by its track, or the hand near an object: what moves less does nothing
 TURNED_RAD = math.radians(5.0)  # an object by its track
-KEPT_CODES = (rules.NUMBERED.code, rules.OTHER_OBJECTS.code)  # findings that do not follow from the motion
+KEPT_CODES = (rules.OTHER_OBJECTS.code,)  # findings that do not follow from the motion
 
 
 def trimmed(
@@ -64,7 +64,6 @@ def trimmed(
         motion,
         settings.keyframes.keyframe_rule(),
         tracked=[query.name for query in queries],
-        alike=(),
         compared=compared(queries, demonstration.objects, settings),
         extra=new.kept_extra or {},
         others=[item.demonstration() for item in stored if item.id != record.id],

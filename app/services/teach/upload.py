@@ -61,7 +61,7 @@ class UploadEpisode:
         keys = settings.extraction_keys
         draft = EpisodeDraft(
             task=upload.task,
-            instruction=checked.instruction,
+            instruction=episode.instruction,
             control_frequency_hz=episode.control_frequency_hz,
             keyframes=keyframes_of(checked.motion, settings),
             keyframes_key=keys.keyframes,
@@ -76,8 +76,7 @@ class UploadEpisode:
             upload_digest=upload.digest if upload.idempotency_key else None,
             left_out=upload.left_out,
             note=upload.note,
-            uploaded_instruction=upload.uploaded_instruction
-            or (None if checked.instruction == episode.instruction else episode.instruction),
+            uploaded_instruction=upload.uploaded_instruction,
             num_frames=len(episode.trajectory),
             trajectory=npz_from_trajectory(episode.trajectory),
         )
@@ -87,7 +86,6 @@ class UploadEpisode:
             checked.motion,
             settings.keyframes.keyframe_rule(),
             tracked=upload.object_names,
-            alike=upload.alike,
             compared=compared(upload.objects, new.objects, settings),
             extra=episode.extra,
             others=[record.demonstration() for record in task.demonstrations],

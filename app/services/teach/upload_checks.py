@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from sqlalchemy import Connection
 
-from app.perception.base import GivenPoses, ObjectQuery, numbered_queries
+from app.perception.base import GivenPoses, ObjectQuery
 from app.perception.images import ImageBytes
-from app.pipeline.alike import Alike
 from app.pipeline.episode import Episode
 from app.pipeline.errors import ObjectSetError
 from app.pipeline.findings import Finding
@@ -21,7 +20,6 @@ from app.pipeline.findings.scene import other_objects
 from app.pipeline.findings.units import check_recording
 from app.pipeline.keyframes import Motion
 from app.pipeline.names import check_object_names
-from app.pipeline.order.numbered import with_numbers
 from app.pipeline.order.order import Order
 from app.pipeline.plans.recording import Recording
 from app.pipeline.thresholds import GRASPED_M
@@ -50,7 +48,6 @@ class Upload:
         images: per camera of `episode.frames`, by name.
         films: `.npz` files by camera, checked.
         prediction_id, corrects, left_out, note, uploaded_instruction: see `EpisodeRecord`.
-        alike: the objects that came with one name, and are numbered in `objects`.
         digest: of the request's content; a repeated `idempotency_key` must come with the same.
         object_names: in the order of the trajectory's tracks.
         cameras: those of the images.
@@ -67,7 +64,6 @@ class Upload:
     left_out: bool = False
     note: str = ""
     uploaded_instruction: str | None = None
-    alike: tuple[Alike, ...] = ()
     films: Mapping[str, bytes] = field(default_factory=dict)
     object_names: tuple[str, ...] = field(init=False)
     cameras: tuple[Camera, ...] = field(init=False)
@@ -76,9 +72,6 @@ class Upload:
         checked_name("task", self.task)
         if self.uploaded_instruction is not None:
             checked_instruction("uploaded_instruction", self.uploaded_instruction)
-        if not self.alike:
-            objects, alike = numbered_queries(self.objects)
-            settle(self, objects=objects, alike=alike)
         cameras = tuple(frame.camera for frame in self.episode.frames)
         settle(self, object_names=tuple(query.name for query in self.objects), cameras=cameras)
         if not self.objects:
@@ -147,14 +140,12 @@ class CheckedUpload:
         settings: of the task, with the number of the arm's joints.
         motion: of the recording, as the settings read it.
         names: of the objects of the task and of the upload, in the task's order.
-        instruction: in which objects of one name have their numbers.
         findings: about objects that are not the task's.
     """
 
     settings: TaskSettings
     motion: Motion
     names: tuple[str, ...]
-    instruction: str
     findings: tuple[Finding, ...]
 
 
@@ -162,21 +153,17 @@ def checked_upload(upload: Upload, task: StoredTask) -> CheckedUpload:
     """Return the upload as its task's settings read it.
 
     Raises:
-        InvalidInputError: for another arm, wrong units, or an instruction that does not say which object is meant.
+        InvalidInputError: for another arm, or wrong units.
         ObjectSetError: if the objects do not fit the task.
     """
     episode = upload.episode
     settings, motion = task.settings.with_recording(episode.trajectory, episode.control_frequency_hz)
     given = GivenPoses().estimate([query for query in upload.objects if query.position_m is not None], ())
     check_recording(motion, given, upload.cameras)
-    acts_m, instruction = _acts_at_m(motion), episode.instruction
-    if upload.alike:
-        layout = settings.layout({pose.name: pose.position_m for pose in given})
-        instruction = with_numbers(instruction, layout, acts_m, upload.alike)
-    findings = _check_objects(task, instruction, upload.object_names, given, acts_m)
+    findings = _check_objects(task, episode.instruction, upload.object_names, given, _acts_at_m(motion))
     names = tuple(dict.fromkeys((*(task.object_names or ()), *upload.object_names)))
     settings.check_models(names)
-    return CheckedUpload(settings, motion, names, instruction, findings)
+    return CheckedUpload(settings, motion, names, findings)
 
 
 def _check_objects(
