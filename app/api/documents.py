@@ -37,7 +37,6 @@ def episode_document(record: EpisodeRecord, settings: TaskSettings) -> JsonObjec
     workspace = settings.workspace.workspace()
     demonstration = record.demonstration()
     demonstration = replace(demonstration, objects=settings.canonical(demonstration.objects))
-    # KAT's format is for its action tokens only
     prompt_format = "authors" if settings.prompt_format == "authors" else "paper"
     codec = fit_codec("absolute", prompt_format, [demonstration], workspace)
     return {

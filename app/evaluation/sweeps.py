@@ -13,7 +13,6 @@ from roboprompt_client.errors import InvalidInputError
 BY_NAME = Method("")  # a model as the service asks it
 PAPER = {"representation": "absolute", "prompt_format": "paper", "system_prompt": "a"}
 LONG_PLAN_S = 600.0
-KAT = {"representation": "action_tokens", "prompt_format": "kat"}
 # A yardstick shows what its actions are worth; checked against the demonstrations, most of them would be refused.
 REGRESSION = Method("regression, no LLM", {"model": "regression", "unsupported": "allow"})
 COPY = Method("nearest demonstration's rows, no LLM", {"model": "nearest"})
@@ -33,7 +32,7 @@ SIMPLE_NAMES: Mapping[str, Method] = {
 INTERVALS = (5, 10, 20, 40, 80)  # frames; paper, section V "Keyframe extraction"
 DEMONSTRATIONS = (1, 2, 5, 10, 15)
 PAPER_SYSTEM_PROMPTS = ("a", "b", "c")  # paper, supplement "Different system prompts"
-SELECTIONS = ("first", "diverse", "nearest")
+SELECTIONS = ("first", "nearest")
 STORED = 30
 NOISE = (0.5, 1.0, 1.5, 2.0)  # paper, section V "Robustness to pose estimation error"
 EMBEDDED = ("embedded/gemma-3-270m", "embedded/smollm2-135m")
@@ -128,12 +127,11 @@ SWEEPS: Mapping[str, Sweep] = {
         (Method("default"), COPY, REGRESSION, REPLAY),
     ),
     "formats": Sweep(
-        "rows relative to objects against the paper's and the authors' formats, and against KAT's action tokens",
+        "rows relative to objects against the paper's and the authors' formats, and against action tokens",
         (
             Method("object_frame", {"representation": "object_frame"}),
             Method("absolute, paper", PAPER),
             Method("absolute, authors", {**PAPER, "prompt_format": "authors"}),
-            Method("KAT", KAT),
             Method("action tokens in the paper's prompt", {**PAPER, "representation": "action_tokens"}),
         ),
     ),

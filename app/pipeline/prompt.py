@@ -8,8 +8,8 @@ from app.pipeline.representation.base import Codec
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import ObjectPose
 
-# The paper's system prompt (a) and its paraphrases (b) and (c), appendix B; one in the manner of KAT (arXiv 2403.19578)
-# that says the same as its authors' in other words; "none" for models that only continue text.
+# The paper's system prompt (a) and its paraphrases (b) and (c), appendix B; "none" for models that only
+# continue text.
 SYSTEM_PROMPTS = {
     "a": (
         "You are a Franka Panda robot with a parallel gripper. We provide you with some demos in the format of "
@@ -27,11 +27,6 @@ SYSTEM_PROMPTS = {
         "the format: observation>[action_1, action_2, ...]. Afterward, you will receive a new observation and must "
         "generate a sequence of actions that align with the patterns shown in the demos. Ensure that nothing else is "
         "included in your output."
-    ),
-    "kat": (
-        "You are a machine that continues patterns. I show you a number of patterns as examples, each with its INPUTS "
-        "and its OUTPUTS. After them I give you new INPUTS, and you generate the OUTPUTS that follow the same pattern "
-        "as the data. All points are (x, y, z) coordinates. Reply with the numbers of the OUTPUTS only."
     ),
     "none": "",
 }
@@ -109,7 +104,7 @@ class PromptTemplate:
 
 
 def system_prompt_text(choice: str) -> str:
-    """Return the text of a system prompt (`a`, `b`, `c`, `kat`, `none`), or `choice` itself where it is free text.
+    """Return the text of a system prompt (`a`, `b`, `c`, `none`), or `choice` itself where it is free text.
 
     Raises:
         InvalidInputError: if the text is longer than 4000 characters.

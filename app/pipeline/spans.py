@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, cast
 
-from app.pipeline.representation.base import KAT_FORMAT, SUMS_FORMAT
+from app.pipeline.representation.base import SUMS_FORMAT
 
 Kind = Literal["object", "action", "instruction", "separator", "plain"]
 
@@ -30,11 +30,6 @@ _LISTS = re.compile(
     r"|(?P<separator>, (?=\{'|\Z))",
     re.DOTALL,
 )
-# INPUTS:\n[[165, 245, 1155], ...]\nOUTPUTS:\n[[165, 245, 1155, ..., 1], ...]\n; a reply is a list on its own
-_KAT = re.compile(
-    r"(?<=INPUTS:\n)(?P<object>\[\[.*?\]\])(?=\n)|(?P<action>\[\[.*?\]\])|(?P<separator>(?<=\]\])\n(?=INPUTS:|\Z))",
-    re.DOTALL,
-)
 # {'drawer': [60,51,6,36,36,18] a(+0 +11 +6), 'open it'}>open it [1 drawer a +0 +11 +6: [60+0=60,...]; 2 drawer ...]
 _SUMS = re.compile(
     r"(?P<object>'[^']*': \[[^\]]*\](?: [a-z]+\([^()]*\))*)"
@@ -51,21 +46,22 @@ _PARTS = re.compile(
 # A red button 40 41 17 36; push the red button > 1 A w: +0 +0 +14 36 36 0 0; 2 A w: +0 +0 +2 0; ...
 _ANCHOR = r"(?:[A-Z]+ (?:ow|wo|[wo])(?: [xyz]=\w+)*(?: [1-9]/10)?|world|start)"
 _ROW = rf"(?P<action>\d+ {_ANCHOR}:(?: [+-]\d+){{3}}(?: \d+ \d+ \d+)? [01](?=;|\Z|\n))"
-_OBJECT = r"(?:^|(?<=; ))(?P<object>[A-Z]+ \w[\w .\-]*?(?: \d+){3,6})"
+_OBJECT = r"(?:^|(?<=; ))(?P<object>[A-Z]+ [^;>\n]+?(?: \d+){3,6})"
 _INSTRUCTION = r"(?:^|(?<=; ))(?P<instruction>[^;>\n]+)(?= >)"
 _SEPARATOR = r"(?P<separator>\n)"
 _OBJECT_FRAME = {
     "paper": re.compile(rf"{_ROW}|{_OBJECT}(?=; )|{_INSTRUCTION}|{_SEPARATOR}", re.MULTILINE | re.ASCII),
     "authors": re.compile(rf"{_ROW}|{_OBJECT}(?=; | >)|{_SEPARATOR}", re.MULTILINE | re.ASCII),
 }
-_OF_FORMAT = {KAT_FORMAT: _KAT, SUMS_FORMAT: _SUMS}
 
 
 def prompt_spans(text: str, representation: str, prompt_format: str) -> tuple[Span, ...]:
     """A prompt or reply cut into spans that join to it again; what the representation does not write is `plain`."""
     if representation == "object_frame":
         return tuple(_cut(text, _OBJECT_FRAME.get(prompt_format, _LISTS)))
-    return tuple(_cut(text, _OF_FORMAT.get(prompt_format, _PARTS if representation == "parts" else _LISTS)))
+    if prompt_format == SUMS_FORMAT:
+        return tuple(_cut(text, _SUMS))
+    return tuple(_cut(text, _PARTS if representation == "parts" else _LISTS))
 
 
 def _cut(text: str, pattern: re.Pattern[str]) -> Iterator[Span]:

@@ -52,7 +52,7 @@ from roboprompt_client.types.poses import ObjectPose
 from roboprompt_client.types.trajectory import MAX_GRIPPER_WIDTH_M, MAX_JOINTS, Trajectory
 
 Representation = Literal["absolute", "object_frame", "action_tokens", "parts"]
-PromptFormat = Literal["paper", "authors", "kat", "sums"]
+PromptFormat = Literal["paper", "authors", "sums"]
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
 OF_KEYFRAMES, OF_POSES = ("keyframes", "gripper_open_above_m"), ("pose_estimator", "object_models")
 MERGED = ("workspace", "keyframes", "motion_limits")  # a change keeps what it does not name of them

@@ -68,7 +68,7 @@ def test_an_episode_is_left_out_of_prompts_and_of_the_workspace_and_comes_back(h
         listed = http.get("/episodes", params={"task": "edited", "left_out": left_out}).json()["episodes"]
         assert sorted(item["id"] for item in listed) == sorted(ids)
     assert http.get("/tasks/edited/check").json()["num_episodes"] == 2
-    for selection in ("recent", "random", "nearest", "diverse"):
+    for selection in ("recent", "random", "nearest"):
         assert taught[2] not in ask(http, selection=selection).json()["demonstration_ids"]
     refused(ask(http, episode_ids=[taught[0], taught[2]]), "episode_ids[1]")
     edit(http, taught[2], left_out=False)

@@ -30,12 +30,6 @@ def ask(http, **options):
     return http.post("/predict", json={**metadata("pick", {"cube": (0.2, 0.0, 0.78)}), **fields})
 
 
-def test_diverse_demonstrations(http):
-    ids = ask(http, dry_run=True, selection="diverse", num_demonstrations=3).json()["demonstration_ids"]
-    places = [http.get(f"/episodes/{id_}").json()["objects"][0]["position"][0] for id_ in ids]
-    assert places == [0.0, 0.1, 0.31]
-
-
 def linked(http, prediction_id, task="pick", link="prediction_id"):
     document = metadata(task, {"cube": (0.2, 0.0, 0.78)}, **{link: prediction_id})
     return http.post("/episodes", files=multipart(document, npz(**arrays(pick_trajectory((0.2, 0.0, 0.78))))))

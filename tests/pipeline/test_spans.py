@@ -25,7 +25,7 @@ def demonstration(instruction, x_m):
     objects = (
         ObjectPose("red button", [x_m, 0.1, 0.8], LEVEL),
         ObjectPose("cube 2", [0.3, x_m, 0.8], LEVEL),
-        ObjectPose("no-rotation_v1.0", [0.2, 0.2, 0.8]),
+        ObjectPose("грань_v1.0", [0.2, 0.2, 0.8]),
     )
     actions = [EndEffectorAction([x_m, 0.1, z], DOWN, z > 0.9) for z in (1.0, 0.85, 1.0)]
     return Demonstration(instruction, objects, tuple(actions))
@@ -51,7 +51,7 @@ def test_every_part_of_a_prompt_has_its_kind(representation, prompt_format, inst
     assert "".join(span.text for span in spans) == prompt
     objects = texts(spans, "object")
     assert len(objects) == 3 * 3
-    for name in ("red button", "cube 2", "no-rotation_v1.0"):
+    for name in ("red button", "cube 2", "грань_v1.0"):
         assert sum(name in text for text in objects) == 3
     shown = f"'{instruction}'" if representation != "object_frame" else instruction
     assert texts(spans, "instruction") == ([shown] * 3 if prompt_format == "paper" else [])
@@ -71,16 +71,6 @@ def test_the_paper_s_example():
         ("action", "[[46, 74, 55, 54, 36, 37, 1], [40, 7, 5, 4, 6, 7, 0]]"),
         ("separator", ", "),
     ]
-
-
-def test_kat_s_format():
-    prompt, actions = prompt_and_actions("action_tokens", "kat", INSTRUCTIONS[0])
-    spans = prompt_spans(prompt, "action_tokens", "kat")
-    assert "".join(span.text for span in spans) == prompt
-    assert len(texts(spans, "object")) == 3
-    assert texts(spans, "action") == actions
-    assert len(texts(spans, "separator")) == 2
-    assert [span.kind for span in prompt_spans(actions[0], "action_tokens", "kat")] == ["action"]
 
 
 def test_what_is_no_row_stays_plain():

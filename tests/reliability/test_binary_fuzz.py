@@ -110,8 +110,7 @@ TEXTS = st.lists(WORDS | NUMBERS | st.sampled_from(ROWS) | st.text(max_size=3), 
 
 @pytest.mark.parametrize("representation", ["absolute", "object_frame", "action_tokens", "parts"])
 def test_reply(representation):
-    prompt_format = "kat" if representation == "action_tokens" else "paper"
-    codec = fit_codec(representation, prompt_format, [SHOWN], WORKSPACE)
+    codec = fit_codec(representation, "paper", [SHOWN], WORKSPACE)
 
     @many
     @given(TEXTS)

@@ -33,11 +33,9 @@ def question(services, profile=CHAT, **options):
     [
         ("absolute", "paper", CHAT, "b"),
         ("action_tokens", "paper", CHAT, "b"),
-        ("action_tokens", "kat", CHAT, "kat"),
         ("object_frame", "paper", CHAT, "none"),
         ("parts", "paper", CHAT, "none"),
         ("absolute", "paper", BASE, "none"),
-        ("action_tokens", "kat", BASE, "none"),
     ],
 )
 def test_the_system_prompt_describes_the_prompt(taught, representation, prompt_format, profile, expected):
@@ -45,22 +43,9 @@ def test_the_system_prompt_describes_the_prompt(taught, representation, prompt_f
     assert style.system_prompt == expected
 
 
-def test_kats_prompt(taught):
-    asked = question(taught, representation="action_tokens", prompt_format="kat")
-    assert "INPUTS" in asked.prompt.system
-    assert asked.prompt.user.startswith("INPUTS:\n[[")
-    assert asked.prompt.user.endswith("\nOUTPUTS:\n")
-    assert "cube" not in asked.prompt.user
-
-
 def test_a_system_prompt_that_is_asked_for_goes_first(taught):
-    style = question(taught, representation="action_tokens", prompt_format="kat", system_prompt="a").known.style
+    style = question(taught, system_prompt="a").known.style
     assert style.system_prompt == "a"
-
-
-def test_kats_format_needs_its_tokens(taught):
-    with pytest.raises(InvalidInputError, match=r"prompt_format: .*'absolute'.*kat with the representation action_tok"):
-        question(taught, prompt_format="kat")
 
 
 SMALL = ModelProfile("small", "chat", True, "object_frame", "sums")
@@ -87,15 +72,15 @@ def test_sums_are_of_absolute_rows(taught):
 
 
 def test_a_task_cannot_be_set_to_what_cannot_be_written(taught):
-    assert TaskSettings(prompt_format="kat").prompt_format == "kat"  # the request may name the representation
-    taught.configure_task("pick", {"representation": "action_tokens", "prompt_format": "kat"})
-    with pytest.raises(ValidationError, match=r"prompt_format\n.*'absolute'"):
-        taught.configure_task("pick", {"representation": "absolute"})
-    assert question(taught).known.style.representation == "action_tokens"
+    assert TaskSettings(prompt_format="sums").prompt_format == "sums"  # the request may name the representation
+    taught.configure_task("pick", {"representation": "absolute", "prompt_format": "sums"})
+    with pytest.raises(ValidationError, match=r"prompt_format\n.*'object_frame'"):
+        taught.configure_task("pick", {"representation": "object_frame"})
+    assert question(taught).known.style.representation == "absolute"
 
 
 def test_episodes_are_shown_in_the_papers_representation_whatever_the_prompts_are(taught):
-    taught.configure_task("pick", {"representation": "action_tokens", "prompt_format": "kat"})
+    taught.configure_task("pick", {"representation": "action_tokens"})
     with taught.store.read() as connection:
         task = tasks.get(connection, "pick")
         (record,) = episodes.list_page(connection, EpisodeFilter(task="pick")).items

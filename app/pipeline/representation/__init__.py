@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.representation.absolute import AbsoluteCodec
-from app.pipeline.representation.action_tokens import ActionTokensCodec, KatCodec
-from app.pipeline.representation.base import KAT_FORMAT, SUMS_FORMAT, Codec, check_style
+from app.pipeline.representation.action_tokens import ActionTokensCodec
+from app.pipeline.representation.base import SUMS_FORMAT, Codec, check_style
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.representation.parts import PartsCodec
 from app.pipeline.representation.sums import SumsCodec
@@ -22,8 +22,8 @@ def fit_codec(
     """The named representation, fitted to the demonstrations of one prompt.
 
     Args:
-        prompt_format: `paper` puts the instruction into the observation, `authors` leaves it out, `kat` is KAT's,
-            `sums` writes the numbers of absolute rows as sums.
+        prompt_format: `paper` puts the instruction into the observation, `authors` leaves it out, `sums`
+            writes the numbers of absolute rows as sums.
 
     Raises:
         InvalidInputError: for an unknown name, a format that the representation does not have, without
@@ -40,6 +40,4 @@ def fit_codec(
     if prompt_format == SUMS_FORMAT:
         return SumsCodec.fit(demonstrations, workspace)
     codec = AbsoluteCodec if representation == "absolute" else ActionTokensCodec
-    if prompt_format == KAT_FORMAT:
-        codec = KatCodec
     return codec(workspace, tuple(demonstrations), with_instruction)

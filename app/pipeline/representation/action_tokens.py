@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration, Query
+from app.pipeline.episode import Demonstration
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.absolute import AbsoluteCodec, Column, row_integers
 from roboprompt_client.types.arrays import Array
@@ -54,19 +54,6 @@ mm ::= "0" | "-"? [1-9] [0-9]{0,4}
         return [_action(index, row, self.columns) for index, row in enumerate(rows, start=first)]
 
 
-class KatCodec(ActionTokensCodec):
-    """KAT's own prompt, in numbers only: the objects' centers as keypoints without names, in the task's order.
-
-    KAT finds its keypoints in images (DINO features); here they are the objects that every method gets.
-    """
-
-    stop: ClassVar[tuple[str, ...]] = ("INPUTS",)
-    separator: ClassVar[str] = "\n"
-
-    def observation_text(self, query: Query) -> str:
-        return f"INPUTS:\n{[_whole_mm(pose.position_m) for pose in query.objects]}\nOUTPUTS:\n"
-
-
 def _action(index: int, row: str, columns: Sequence[Column]) -> EndEffectorAction:
     *coordinates, gripper = row_integers(row, index, columns)
     points_mm = np.array(coordinates).reshape(3, 3)
@@ -79,15 +66,11 @@ def _action(index: int, row: str, columns: Sequence[Column]) -> EndEffectorActio
     return EndEffectorAction(position_mm / MM_PER_M, rotation.as_quat(canonical=True), bool(gripper))
 
 
-def _whole_mm(position_m: Array) -> list[int]:
-    return [round(value) for value in (position_m * MM_PER_M).tolist()]
-
-
 def _tokens(action: EndEffectorAction) -> list[int]:
     """The nine coordinates of an action's three points in whole millimeters, and the gripper (1 = open)."""
     offsets_m = Rotation.from_quat(action.quaternion_xyzw).apply(TRIPLET_MM / MM_PER_M)
-    points_m = action.position_m + offsets_m
-    return [*_whole_mm(points_m.ravel()), int(action.gripper_open)]
+    points_mm = MM_PER_M * (action.position_m + offsets_m).ravel()
+    return [*map(round, points_mm.tolist()), int(action.gripper_open)]
 
 
 def _rigid_fit(points_mm: npt.NDArray[np.int_]) -> tuple[Array, Rotation, float]:

@@ -9,7 +9,6 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction
 
 PROMPT_FORMATS = ("paper", "authors")  # RoboPrompt's: every representation has them
-KAT_FORMAT = "kat"  # KAT's own, of its action tokens only
 SUMS_FORMAT = "sums"  # of absolute rows only, for small models
 REPRESENTATIONS = ("absolute", "object_frame", "action_tokens", "parts")
 
@@ -91,8 +90,7 @@ def clause_by_clause(demonstrations: Sequence[Demonstration], order: Order) -> t
 
 def formats_of(representation: str) -> tuple[str, ...]:
     """The prompt formats that a representation has."""
-    own = {"absolute": (SUMS_FORMAT,), "action_tokens": (KAT_FORMAT,)}
-    return (*PROMPT_FORMATS, *own.get(representation, ()))
+    return (*PROMPT_FORMATS, SUMS_FORMAT) if representation == "absolute" else PROMPT_FORMATS
 
 
 def usual_format(representation: str, preferred: str) -> str:
@@ -110,5 +108,4 @@ def check_style(representation: str, prompt_format: str) -> None:
         raise InvalidInputError("representation", f"is {representation!r}", ", ".join(REPRESENTATIONS))
     if prompt_format not in (formats := formats_of(representation)):
         message = f"is {prompt_format!r} with the representation {representation!r}"
-        others = f"{KAT_FORMAT} with the representation action_tokens; {SUMS_FORMAT} with absolute"
-        raise InvalidInputError("prompt_format", message, f"{', '.join(formats)}; {others}")
+        raise InvalidInputError("prompt_format", message, f"{', '.join(formats)}; {SUMS_FORMAT} with absolute")

@@ -10,7 +10,7 @@ from app.llm.base import ModelProfile
 from app.perception.base import ObjectQuery
 from app.perception.images import ImageBytes
 from app.perception.object_model import WHOLE, Number, Truth
-from app.pipeline.representation.base import KAT_FORMAT, usual_format
+from app.pipeline.representation.base import usual_format
 from app.services.task_settings import PromptFormat, Representation, SystemPrompt, TaskSettings
 from app.store.values import JsonObject
 from roboprompt_client.motion.limits import MAX_ACTIONS
@@ -19,7 +19,7 @@ from roboprompt_client.types.camera import Camera, RgbdFrame
 from roboprompt_client.types.names import checked_instruction
 from roboprompt_client.types.poses import Pose
 
-Selection = Literal["first", "recent", "random", "nearest", "diverse"]
+Selection = Literal["first", "recent", "random", "nearest"]
 MAX_TIMEOUT_S = 600.0  # `roboprompt_client` waits as long
 Doubtful = Literal["refuse", "allow"]
 
@@ -32,10 +32,7 @@ class PredictOptions(BaseModel):
     num_demonstrations: Annotated[int | None, Field(ge=1, le=100), WHOLE] = None
     selection: Annotated[
         Selection,
-        Field(
-            description="first and recent by time of upload; nearest: to the observed objects, the nearest last; "
-            "diverse: those whose objects stand farthest apart"
-        ),
+        Field(description="first and recent by time of upload; nearest: to the observed objects, the nearest last"),
     ] = "first"
     seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="for selection random and for sampling"), WHOLE] = 0
     temperature: Annotated[Number, Field(ge=0, le=2, description="0: the most probable reply")] = 0.0
@@ -46,7 +43,7 @@ class PredictOptions(BaseModel):
     model: Annotated[str | None, Field(max_length=200, description="a name from GET /models")] = None
     representation: Representation | None = None
     prompt_format: PromptFormat | None = None
-    system_prompt: Annotated[SystemPrompt | None, Field(description="a, b, c, kat, none or free text")] = None
+    system_prompt: Annotated[SystemPrompt | None, Field(description="a, b, c, none or free text")] = None
     unfamiliar: Annotated[
         Doubtful,
         Field(
@@ -140,5 +137,5 @@ class PromptStyle(NamedTuple):
         system_prompt = options.system_prompt or settings.system_prompt
         if system_prompt is None:  # the one that describes the prompt: the paper's are about lists of actions
             lists = profile.style == "chat" and representation not in ("object_frame", "parts")
-            system_prompt = "none" if not lists else "kat" if prompt_format == KAT_FORMAT else profile.system_prompt
+            system_prompt = profile.system_prompt if lists else "none"
         return cls(representation, prompt_format, system_prompt, from_start)

@@ -54,8 +54,6 @@ class Scenes:
                 return tuple(random.Random(options.seed).sample(self.ids, min(number, len(self.ids))))
             case "nearest":
                 return self.nearest_last(objects, number)
-            case "diverse":
-                return self.most_diverse(number)
 
     def nearest_last(self, objects: Sequence[ObjectPose], number: int) -> Ids:
         """Return the ids of the `number` scenes whose objects are nearest to these, the nearest last."""

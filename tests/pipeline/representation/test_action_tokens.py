@@ -7,10 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
 from app.pipeline.representation import action_tokens, fit_codec
-from app.pipeline.representation.base import REPRESENTATIONS
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import EndEffectorAction
 from tests.pipeline.asking import grammar_of, parse_reply, schema_of
 
@@ -36,7 +33,6 @@ def fitted(prompt_format="paper", *demonstrations):
     [
         ("paper", "{'drawer': [42, 65, 29], 'jar': [28, 29, 19, 36, 36, 45], 'open the drawer'}>", ", "),
         ("authors", "{'drawer': [42, 65, 29], 'jar': [28, 29, 19, 36, 36, 45]}>", ", "),
-        ("kat", "INPUTS:\n[[125, 155, 895], [-13, -200, 800]]\nOUTPUTS:\n", "\n"),
     ],
 )
 def test_text(prompt_format, observation, end):
@@ -46,15 +42,6 @@ def test_text(prompt_format, observation, end):
     assert codec.demonstration_text(OPEN) == f"{observation}[{ROW}, {ROW_2}]{end}"
     assert observation.startswith(codec.stop)
     assert not any(stop in f"[{ROW}, {ROW_2}]{end}" for stop in codec.stop)
-
-
-def test_kat_prompts_have_neither_names_nor_instruction():
-    template = PromptTemplate.write(fitted("kat"), [OPEN, OPEN], SYSTEM_PROMPTS["kat"])
-    text = template.ask(Query("open the drawer", OPEN.objects), 25).user
-    assert set("".join(filter(str.isalpha, text))) == set("INPUTSOUTPUTS")
-    assert text.count("INPUTS:") == text.count("OUTPUTS:") == 3
-    assert "INPUTS" in template.system
-    assert "robot" not in template.system.lower()
 
 
 def random_actions():
@@ -71,8 +58,8 @@ def random_actions():
 def test_actions_are_written_and_read_within_the_rounding():
     for given in random_actions():
         shown = demonstration("go", [DRAWER], [given])
-        text = fitted("kat", shown).actions_text(shown)
-        assert matches(grammar_of(fitted("kat", shown), "go"), text)
+        text = fitted("paper", shown).actions_text(shown)
+        assert matches(grammar_of(fitted("paper", shown), "go"), text)
         (seen,) = parse_reply(text, fitted(), [DRAWER], "go")
         assert np.linalg.norm(seen.position_m - given.position_m) <= 0.001
         assert angle_deg(seen.quaternion_xyzw, given.quaternion_xyzw) <= 1.5
@@ -83,14 +70,14 @@ def test_rounding_bends_no_triplet_beyond_its_bound(monkeypatch):
     monkeypatch.setattr(action_tokens, "MAX_RESIDUAL_MM", action_tokens.ROUNDING_RESIDUAL_MM)
     given = demonstration("go", [DRAWER], random_actions())
     assert (
-        len(parse_reply(fitted("kat", given).actions_text(given), fitted(), [DRAWER], "go", NUM_RANDOM)) == NUM_RANDOM
+        len(parse_reply(fitted("paper", given).actions_text(given), fitted(), [DRAWER], "go", NUM_RANDOM)) == NUM_RANDOM
     )
 
 
 def tokens(position_m, rotation):
     """The nine coordinates of a pose as it is written."""
     shown = demonstration("go", [DRAWER], [EndEffectorAction(position_m, rotation.as_quat(), True)])
-    return json.loads(fitted("kat", shown).actions_text(shown))[0][:9]
+    return json.loads(fitted("paper", shown).actions_text(shown))[0][:9]
 
 
 def bent(x_mm):
@@ -180,12 +167,3 @@ def test_the_grammar_knows_rows_and_their_number(text, expected):
     assert matches(grammar_of(codec, "open the drawer"), text) is expected
     if expected:
         Draft202012Validator(schema_of(codec, "open the drawer")).validate(json.loads(text))
-
-
-@pytest.mark.parametrize("representation", sorted({*REPRESENTATIONS} - {"action_tokens"}))
-def test_kats_format_is_for_action_tokens_only(representation):
-    with pytest.raises(InvalidInputError) as caught:
-        fit_codec(representation, "kat", [OPEN], WORKSPACE)
-    assert caught.value.field == "prompt_format"
-    assert representation in caught.value.message
-    assert caught.value.valid.endswith("; kat with the representation action_tokens; sums with absolute")
