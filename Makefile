@@ -1,4 +1,4 @@
-# make setup | dev | demo | serve | test | robustness | check | audit | outdated | platforms | docs | pictures | dist | long | torture | attack | fuzz | soak | growth | bench | mutations | metaworld | robosuite | fetch | libero | client | franka | realsense | format | openapi | lock
+# make setup | dev | demo | serve | test | robustness | format | openapi | lock | docs | dist | bench | world | franka | clean
 PYTHON ?= python3
 # Modules are compiled when they are first imported: most never are, and all of them take a minute.
 NO_COMPILE := --no-compile
@@ -12,8 +12,7 @@ DEV_STAMP := .venv/.installed-dev
 # Some machines forbid it: then each of the many processes that tests start compiles the whole app, half a second each.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup dev demo serve test pytest robustness check audit outdated platforms docs pictures dist long torture attack fuzz soak growth bench \
-	metaworld robosuite fetch libero client franka realsense mutations style types lint format openapi lock clean
+.PHONY: setup dev demo serve test robustness format openapi lock docs dist bench world franka clean style types pytest
 
 setup: $(STAMP)
 
@@ -49,8 +48,6 @@ style: dev
 types: dev
 	$(BIN)/mypy
 
-lint: style types
-
 # Lint and types beside the tests, which wait for other processes now and then.
 test: dev
 	@$(MAKE) --no-print-directory --jobs 2 style types pytest
@@ -62,7 +59,7 @@ ROBUSTNESS := tests/perception/registered/test_find.py tests/attack tests/llm/te
 	tests/evaluation/test_composition.py tests/test_wheels.py tests/evaluation/test_vision.py tests/evaluation/test_sweep_run.py \
 	tests/e2e/test_workers.py tests/llm/test_add_weights.py tests/llm/test_weights.py tests/llm/test_vocabulary.py \
 	tests/e2e/test_labels.py tests/perception/registered/test_learn.py \
-	tests/benchmarks tests/reliability tests/e2e/test_extremes.py tests/test_docker.py tests/test_no_pickles.py \
+	benchmarks tests/reliability tests/e2e/test_extremes.py tests/test_docker.py tests/test_no_pickles.py \
 	tests/test_supply_chain.py tests/e2e/test_bounded_protocol.py tests/e2e/test_secrets.py
 # One process more than cores, as some tests wait; each takes up to 1.5 GB of memory.
 PROCESSES := $(shell cores=$$(nproc 2> /dev/null || echo 2); echo $$((cores < 7 ? cores + 1 : 8)))
@@ -76,22 +73,6 @@ pytest: dev
 robustness: dev docs
 	$(PYTEST) $(ROBUSTNESS)
 
-# Whether the tests notice mistakes: benchmarks/mutations.toml
-mutations: dev
-	$(BIN)/python -m benchmarks.mutations
-
-# Says so where the database of vulnerabilities cannot be reached, and fails where a package has one.
-audit: dev
-	$(BIN)/python .ci/audit
-
-# Whether every pin of the lock has a wheel, by platform and Python version; minutes.
-platforms: dev
-	$(BIN)/python .ci/platforms
-
-# Which pins of the locks have a newer version; changes nothing.
-outdated: dev
-	$(BIN)/python .ci/outdated
-
 # The site that the service has at /docs/guide. Fails where a link leads nowhere (not with --quiet: then warnings are lost).
 # The same commit gives the same bytes.
 COMMIT_TIME = $(shell git log -1 --format=%ct 2> /dev/null || echo 315532800)
@@ -99,38 +80,9 @@ COMMIT_TIME = $(shell git log -1 --format=%ct 2> /dev/null || echo 315532800)
 docs: dev
 	@SOURCE_DATE_EPOCH=$(COMMIT_TIME) $(BIN)/properdocs build --strict
 
-# docs/images of the pages, two minutes; they are kept, as they need Chromium.
-pictures: dev
-	$(BIN)/python -m benchmarks.screenshots
-
 # Both wheels, what they consist of, and from what they were built: docs/supply-chain.md.
 dist: dev docs
 	$(BIN)/python .ci/dist
-
-# All that CI runs; `audit`, `outdated` and `platforms` ask package registries, and belong before a release.
-check: test robustness
-
-# Half an hour; what mounts file systems needs root.
-torture: dev
-	$(BIN)/python -m tests.reliability.torture
-
-# Minutes; on loopback only.
-attack: dev
-	ROBOPROMPT_ATTACK=full $(BIN)/python -m pytest -q -m "long or not long" tests/attack
-
-# What `make test` leaves out: more seeds, longer prompts, every value at every place.
-long: dev
-	$(BIN)/python -m pytest -m long
-
-fuzz: dev
-	ROBOPROMPT_FUZZ_EXAMPLES=20000 $(BIN)/python -m pytest -q tests/reliability/test_binary_fuzz.py
-	$(BIN)/python -m tests.reliability.fuzz
-
-soak: dev
-	$(BIN)/python -m benchmarks.soak --minutes 30
-
-growth: dev
-	$(BIN)/python -m benchmarks.growth
 
 format: dev
 	$(BIN)/ruff check --fix .
@@ -157,62 +109,32 @@ lock:
 	$(COMPILE) client/tests/libfranka/requirements.in --constraint requirements-dev.lock \
 		--output-file client/tests/libfranka/requirements.txt
 	$(COMPILE) client/tests/realsense/requirements.in --output-file client/tests/realsense/requirements.txt
-	$(subst 3.11,3.10,$(COMPILE)) client/pyproject.toml client/tests.in --output-file client/tests.txt
 
 bench: dev
 	$(BIN)/python -m benchmarks.bench
 
 # Benchmarks of others, each in an environment of its own: they pin another mujoco or numpy than the simulated Panda needs.
-# Options: make metaworld METAWORLD="--task push --method nearest", make robosuite ROBOSUITE=..., make fetch FETCH=..., make libero LIBERO=...
-# Recordings of people, if there are: ROBOSUITE_RECORDINGS=folder make robosuite ROBOSUITE="--task lift_by_people --demos 8"
+# make world WORLD=metaworld OPTIONS="--task push --method nearest"; WORLD is one of WORLDS.
+# Recordings of people: ROBOSUITE_RECORDINGS=folder make world WORLD=robosuite OPTIONS="--task lift_by_people --demos 8"
 WORLDS := metaworld robosuite fetch libero
-metaworld: OPTIONS = $(METAWORLD)
-robosuite: OPTIONS = $(ROBOSUITE)
-fetch: OPTIONS = $(FETCH)
-libero: OPTIONS = $(LIBERO)
+WORLD := metaworld
 
 benchmarks/%/.venv/.installed: benchmarks/%/requirements.txt
 	$(PYTHON) -m venv benchmarks/$*/.venv
 	benchmarks/$*/.venv/bin/python -m pip install --quiet --require-hashes --requirement $<
 	touch $@
 
-$(WORLDS): %: setup benchmarks/%/.venv/.installed
-	$(BIN)/python -m app.cli eval --world benchmarks.$@.world $(OPTIONS)
+world: setup benchmarks/$(WORLD)/.venv/.installed
+	$(BIN)/python -m app.cli eval --world benchmarks.$(WORLD).world $(OPTIONS)
 
-# The robot's side where nothing of the server is: make client CLIENT_PYTHON=python3.10
-CLIENT_PYTHON ?= $(PYTHON)
-CLIENT_BIN := client/.venv/bin
-CLIENT_STAMP := client/.venv/.installed
+# A Franka arm through libfranka's own protocol, simulated, and a RealSense camera on librealsense's own software device (on
+# Debian it needs libusb-1.0-0). What they need is installed beside the rest.
+DEVICES := client/tests/libfranka client/tests/realsense
 
-$(CLIENT_STAMP): client/tests.txt client/pyproject.toml
-	$(CLIENT_PYTHON) -m venv client/.venv
-	$(CLIENT_BIN)/python -m pip install --quiet --require-hashes --requirement client/tests.txt
-	$(CLIENT_BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable ./client
-	touch $(CLIENT_STAMP)
-
-client: $(CLIENT_STAMP)
-	cd client && .venv/bin/python -m pytest
-
-# A Franka arm through libfranka's own protocol, simulated. Its driver and the simulation are installed beside the rest, so
-# that `roboprompt demo --robot franka` works from then on; the lock holds both to one version of every package.
-FRANKA_STAMP := .venv/.installed-franka
-
-$(FRANKA_STAMP): client/tests/libfranka/requirements.txt $(DEV_STAMP)
-	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement client/tests/libfranka/requirements.txt
-	@touch $(FRANKA_STAMP)
-
-franka: $(FRANKA_STAMP)
-	$(BIN)/python -m pytest --config-file client/pyproject.toml client/tests/libfranka
-
-# A RealSense camera on librealsense's own software device; on Debian it needs libusb-1.0-0.
-REALSENSE_STAMP := .venv/.installed-realsense
-
-$(REALSENSE_STAMP): client/tests/realsense/requirements.txt $(DEV_STAMP)
-	@$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement client/tests/realsense/requirements.txt
-	@touch $(REALSENSE_STAMP)
-
-realsense: $(REALSENSE_STAMP)
-	$(BIN)/python -m pytest --config-file client/pyproject.toml client/tests/realsense
+franka: dev
+	@for device in $(DEVICES); do \
+		$(BIN)/python -m pip install --quiet $(NO_COMPILE) --require-hashes --requirement $$device/requirements.txt || exit 1; done
+	$(BIN)/python -m pytest --config-file client/pyproject.toml $(DEVICES)
 
 clean:
-	rm -rf .venv client/.venv $(WORLDS:%=benchmarks/%/.venv) .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv $(WORLDS:%=benchmarks/%/.venv) .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

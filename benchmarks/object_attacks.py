@@ -16,11 +16,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.perception.object_model import ObjectModelError
-from benchmarks.object_scenes import Layout, Room, sample, upright
-from benchmarks.object_shapes import PROPS, THINGS
 from benchmarks.objects import Tally, Taught, others, question, show, taught
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
+from synthetic.object_scenes import Layout, Room, sample, upright
+from synthetic.object_shapes import PROPS, THINGS
 
 BUMP_DEG, BUMP_M = 1.0, 0.01
 HOLES = (0.3, 0.7)  # of an object's pixels

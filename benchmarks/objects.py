@@ -24,12 +24,12 @@ from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.template import Template
 from app.pipeline.errors import NoPoseError
-from benchmarks.object_scenes import Layout, Room, changed, sample
-from benchmarks.object_shapes import THINGS
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
+from synthetic.object_scenes import Layout, Room, changed, sample
+from synthetic.object_shapes import THINGS
 
 WRONG_M, WRONG_DEG = 0.02, 20.0  # a pose that is further off is no pose of the object
 NUM_VIEWS = 3

@@ -25,9 +25,9 @@ from app.sim.demonstrate import view_scene
 from app.sim.outcomes import SceneView
 from app.sim.tasks.cubes import HALF_SIZE_M
 from app.sim.world import TABLE_TOP_M
-from benchmarks.camera_noise import as_a_camera_sees_it
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import ObjectPose
+from synthetic.camera_noise import as_a_camera_sees_it
 
 TASKS = ("stack_cube", "destack_cube", "push_button", "stack_blocks", "slide_block")
 FIRST_TEST_SEED = 1000

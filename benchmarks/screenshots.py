@@ -1,6 +1,6 @@
 """The pictures of pages in docs/images, of what a demo and docs/why-it-failed.md leave in a service of their own.
 
-Run: `make pictures`; two minutes.
+Run: `python -m benchmarks.screenshots`; two minutes.
 """
 
 import io
@@ -17,9 +17,9 @@ from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
 from app.evaluation.server import running_server
-from benchmarks.web_paint import CHROMIUM
 
 DOCS = Path("docs")
+CHROMIUM = "/usr/bin/chromium"
 SIZE = {"width": 1280, "height": 800}
 QUALITY = 60
 SETTLED_MS = 1500  # pictures are loaded and plots are drawn

@@ -1,4 +1,4 @@
-"""What a prediction costs the service outside the LLM; with many stored episodes: `benchmarks.growth`."""
+"""What a prediction costs the service outside the LLM."""
 
 import asyncio
 import json
@@ -45,17 +45,12 @@ def measure() -> dict[str, Cost]:
     """The cost of each case."""
     with tempfile.TemporaryDirectory(prefix="roboprompt-") as folder:
         data = Path(folder)
-        with (
-            running(["benchmarks.hello"], {}, data / "hello.log") as (url, process),
-            httpx.Client(base_url=url) as http,
-        ):
-            costs = {"FastAPI hello-world": _cost(process.pid, lambda _: http.get("/healthz"))}
         with _service(data) as (http, _), RoboPromptClient(str(http.base_url)) as client:
             scenes.teach(client, TASK, NUM_DEMONSTRATIONS)
             reply = str(_predicted(http, 0, model="nearest").json()["reply_text"])
         with _service(data, default_model="scripted", scripted_replies=json.dumps([reply])) as (http, pid):
-            costs[f"{NUM_DEMONSTRATIONS} episodes stored"] = _cost(pid, lambda seed: _predicted(http, seed))
-    return {**costs, "of it the scripted LLM": asyncio.run(_scripted(reply))}
+            cost = _cost(pid, lambda seed: _predicted(http, seed))
+    return {f"{NUM_DEMONSTRATIONS} episodes stored": cost, "of it the scripted LLM": asyncio.run(_scripted(reply))}
 
 
 async def _scripted(reply: str) -> Cost:

@@ -85,7 +85,7 @@ def digest_of(method: Method, taught: Mapping[str, Any]) -> str:
         taught: how the demonstrations are made.
     """
     everything = {**asdict(method), "taught_noise": method.taught_noise, **taught}
-    del everything["stored"], everything["noise_on"]  # `taught` has the number of recorded demonstrations
+    del everything["noise_on"]
     return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:DIGEST_CHARS]
 
 

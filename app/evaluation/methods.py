@@ -28,7 +28,6 @@ class Method:
         noise: added to poses, as a multiple of the error in `app.evaluation.paper`.
         noise_on: whether it is added to the poses of demonstrations and tests, or of tests alone.
         poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.teach`).
-        stored: episodes that the task must have for the service to choose from, if more than it shows.
         source: where the actions come from; `robot loop` asks the service and lets the robot's own loop carry them out;
             others do not ask it.
         shift_m: how far the free objects are moved between answer and first action; for the `robot loop`.
@@ -41,7 +40,6 @@ class Method:
     noise: float = 0.0
     source: Source = "service"
     poses: Poses = "given"
-    stored: int = 0
     noise_on: NoiseOn = "both"
     shift_m: float = 0.0
     look_again: bool = False

@@ -56,7 +56,7 @@ class Plan:
     def recorded(self) -> int:
         """Demonstrations to record a task: as many as the method that needs most."""
         shown: list[int] = [method.options.get("num_demonstrations", 0) for method in self.methods]
-        return max(self.demonstrations, *shown, *(method.stored for method in self.methods))
+        return max(self.demonstrations, *shown)
 
     @property
     def asks_default_model(self) -> bool:

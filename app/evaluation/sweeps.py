@@ -31,9 +31,6 @@ SIMPLE_NAMES: Mapping[str, Method] = {
 }
 INTERVALS = (5, 10, 20, 40, 80)  # frames; paper, section V "Keyframe extraction"
 DEMONSTRATIONS = (1, 2, 5, 10, 15)
-PAPER_SYSTEM_PROMPTS = ("a", "b", "c")  # paper, supplement "Different system prompts"
-SELECTIONS = ("first", "nearest")
-STORED = 30
 NOISE = (0.5, 1.0, 1.5, 2.0)  # paper, section V "Robustness to pose estimation error"
 EMBEDDED = ("embedded/gemma-3-270m", "embedded/smollm2-135m")
 # An episode of 10 s at 20 Hz has 40 actions at an interval of 5 frames, 15 more than the service allows by default.
@@ -116,11 +113,6 @@ def _uniform(interval: int) -> Method:
     return Method(f"uniform {interval}", LONG_REPLIES, settings={"keyframes": keyframes})
 
 
-def _selected(selection: str, shown: int) -> Method:
-    options = {"selection": selection, "num_demonstrations": shown}
-    return Method(f"{shown} {selection} of {STORED}", options, noise=1.0, stored=STORED)
-
-
 SWEEPS: Mapping[str, Sweep] = {
     "main": Sweep(
         "the default method against methods without an LLM, and against the expert's replay",
@@ -142,14 +134,6 @@ SWEEPS: Mapping[str, Sweep] = {
     "demonstrations": Sweep(
         "the number of demonstrations",
         tuple(Method(f"{number} demonstrations", {"num_demonstrations": number}) for number in DEMONSTRATIONS),
-    ),
-    "selection": Sweep(
-        "which of thirty demonstrations are shown, in the paper's noise: nearest ones fit, but are read again",
-        tuple(_selected(selection, shown) for shown in (3, 10) for selection in SELECTIONS),
-    ),
-    "system_prompts": Sweep(
-        "the paper's system prompt and its paraphrases, in the paper's format",
-        tuple(Method(f"system prompt {name}", {**PAPER, "system_prompt": name}) for name in PAPER_SYSTEM_PROMPTS),
     ),
     "noise": Sweep(
         "noise on object poses, in multiples of 1.68 cm and 4.61 degrees",

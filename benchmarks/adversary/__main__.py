@@ -1,6 +1,6 @@
 """Wrong recordings and scenes, sent to a service; what it answers is carried out in the simulation.
 
-`python -m benchmarks.adversary --seeds 3 --every 3`: each kind of case on each of the 22 tasks. One of them is shown by
+`python -m benchmarks.adversary --seeds 3 --every 3`: each kind of case on each of the 21 tasks. One of them is shown by
 `--kind NAME --task TASK --seed N --show`. With `--data` the results stay, a line each, and a run that was broken off
 goes on. The last line is one JSON object with `silent_failure_rate` and `false_alarm_rate`.
 """

@@ -2,7 +2,7 @@
 
 No text is from this project. Objects have names and no places: the suite that tells them apart by place is left out.
 
-    make libero LIBERO=--help          # once: installs the benchmark
+    make world WORLD=libero OPTIONS=--help          # once: installs the benchmark
     python -m benchmarks.libero.words
 """
 

@@ -13,9 +13,9 @@ import app.sim  # noqa: F401 - chooses OpenGL, which MuJoCo reads when it is imp
 import mujoco
 import numpy as np
 
-from benchmarks.camera_noise import as_d435, miscalibrated
 from benchmarks.robosuite.arm import ControlledScene, Floats
 from roboprompt_client.types.camera import Camera, RgbdFrame
+from synthetic.camera_noise import as_d435, miscalibrated
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 VERTICAL_FIELD_DEG = 45.0  # of MuJoCo's free camera

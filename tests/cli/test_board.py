@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 from app.cli import application
 from app.perception.images import decode_rgb
 from app.pipeline.geometry import rigid
-from benchmarks.camera_noise import as_a_camera_sees_it
 from roboprompt_client.cameras.board import CharucoBoard, check_seen, find_board
 from roboprompt_client.errors import InvalidInputError
+from synthetic.camera_noise import as_a_camera_sees_it
 from tests.perception.flat_scene import Quad, camera, render
 
 BOARD = CharucoBoard(5, 7, 0.035, 0.026)

@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.api.schemas.objects import LabelList, LabelOut, LabelPreviewOut, LearnedLabelsOut, TriedModelOut
-from benchmarks.object_scenes import Layout, Room, upright
 from roboprompt_client.encoding import request_parts
 from roboprompt_client.types.camera import camera_json
+from synthetic.object_scenes import Layout, Room, upright
 from tests.e2e.vision import episode, seen
 from tests.episodes import refused
 

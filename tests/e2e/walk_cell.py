@@ -33,11 +33,11 @@ from app.sim.world import (
     CameraPlacement,
     camera_to_world,
 )
-from benchmarks.camera_noise import as_a_camera_sees_it
 from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.cameras.board import CharucoBoard
 from roboprompt_client.cameras.opencv import FrameFolder
 from roboprompt_client.types.camera import Camera
+from synthetic.camera_noise import as_a_camera_sees_it
 
 FOCAL_PX = 600.0
 RATE_HZ = 8

@@ -92,7 +92,7 @@ def bins(action, workspace):
     return list(discretize_actions([action], workspace)[0].bins)
 
 
-# Every second one, the others by `make long`.
+# Every second one, the others by `pytest -m long`.
 SOME_OR_LONG = [
     pytest.param(name, marks=[pytest.mark.long] if k % 2 else []) for k, name in enumerate(COMPOSITION_TASKS)
 ]

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.perception.base import ObjectQuery
-from benchmarks.camera_noise import as_a_camera_sees_it
 from roboprompt_client.types.camera import RgbdFrame
+from synthetic.camera_noise import as_a_camera_sees_it
 from tests.perception.flat_scene import HEIGHT_PX, WIDTH_PX, camera
 
 TABLE_RGB = (190, 170, 140)

@@ -12,9 +12,9 @@ from app.perception.markers.model import Marker, MarkersModel
 from app.perception.markers.view import MarkerView, SeenMarker, find_markers
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
 from app.pipeline.geometry import inverse_transform
-from benchmarks.camera_noise import as_a_camera_sees_it
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import Camera, RgbdFrame
+from synthetic.camera_noise import as_a_camera_sees_it
 from tests.perception.flat_scene import camera, marker_quad, render
 
 DICTIONARY = "DICT_4X4_50"

@@ -1,6 +1,6 @@
 """Schemathesis over the whole OpenAPI document, against a real service.
 
-`make fuzz` asks thousands of questions; tests/reliability/test_fuzz.py a few hundred.
+`python -m tests.reliability.fuzz` asks thousands of questions; tests/reliability/test_fuzz.py a few hundred.
 """
 
 import os

@@ -27,7 +27,7 @@ def speeds_rad_s(trajectory):
     return np.linalg.norm(trajectory.joint_velocities_rad_s, axis=1)
 
 
-# Every second one, the others by `make long`.
+# Every second one, the others by `pytest -m long`.
 SOME_OR_LONG = [pytest.param(name, marks=[pytest.mark.long] if k % 2 else []) for k, name in enumerate(TASKS)]
 
 

@@ -16,10 +16,10 @@ from roboprompt_client.types.names import checked_instruction, checked_name
 # Of a module's scope, so that all tests of a task follow each other and share what its cameras see.
 every_task = pytest.mark.parametrize("name", ALL_TASKS, scope="module")
 LONG = pytest.mark.long
-# Every third, the others by `make long`: one renderer draws them all.
+# Every third, the others by `pytest -m long`: one renderer draws them all.
 SOME = list(ALL_TASKS)[::3]
 SOME_OR_LONG = [pytest.param(name, marks=[] if name in SOME else [LONG]) for name in ALL_TASKS]
-# Half of the paper's at one of two rates, everything by `make long`.
+# Half of the paper's at one of two rates, everything by `pytest -m long`.
 RATES_HZ = (6, 50)
 EXPERTS_AT_RATES = [
     pytest.param(name, rate_hz, marks=[LONG] if name not in TASKS or k % 4 != j else [])

@@ -7,7 +7,7 @@ a yardstick for language models. Every part of a plan is demonstrated (`SHOWN`),
 from collections.abc import Mapping
 
 from app.sim.tasks.base import SimTask
-from app.sim.tasks.buttons import PressInOrder, PushButton, PushButtonReal, PushMultipleButtons
+from app.sim.tasks.buttons import PressInOrder, PushButton, PushMultipleButtons
 from app.sim.tasks.carrying import WayRound
 from app.sim.tasks.cubes import BuildTower, DestackCube, StackBlocks, StackCube
 from app.sim.tasks.cups import PlaceCups, StackCups
@@ -25,7 +25,6 @@ TASKS: Mapping[str, type[SimTask]] = {
         PushButton,
         StackCube,
         OpenDrawer,
-        PushButtonReal,
         PushMultipleButtons,
         DestackCube,
         CloseJar,

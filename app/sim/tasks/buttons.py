@@ -1,4 +1,4 @@
-"""Four colored buttons: `push_button`, `push_button_real`, `push_multiple_buttons` and `press_in_order`."""
+"""Four colored buttons: `push_button`, `push_multiple_buttons` and `press_in_order`."""
 
 from abc import abstractmethod
 from itertools import chain, product
@@ -98,15 +98,6 @@ class PushButton(ButtonTask):
 
     def succeeded(self) -> bool:
         return set(self.events) == set(self.asked)
-
-
-class PushButtonReal(PushButton):
-    """The scene, instructions and success of `push_button`, which has the real task's four colors already.
-
-    The paper reports the simulated and the real button task apart; so does an evaluation by these two names.
-    """
-
-    name = "push_button_real"
 
 
 class PushMultipleButtons(ButtonTask):

@@ -1,11 +1,11 @@
-"""The RealSense driver on librealsense's own software device; `make realsense` installs what it needs."""
+"""The RealSense driver on librealsense's own software device; `make franka` installs what it needs."""
 
 import time
 
 import numpy as np
 import pytest
 
-pytest.importorskip("pyrealsense2", reason="pyrealsense2 is not installed: make realsense")
+pytest.importorskip("pyrealsense2", reason="pyrealsense2 is not installed: make franka")
 
 from software import BASELINE_M, SoftwareRealSense
 

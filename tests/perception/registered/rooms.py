@@ -7,8 +7,8 @@ import numpy as np
 from app.perception.registered.estimator import RegisteredPoses, TaughtQuery
 from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.model import RegisteredModel
-from benchmarks.object_scenes import Layout, Room, upright
-from benchmarks.object_shapes import THINGS
+from synthetic.object_scenes import Layout, Room, upright
+from synthetic.object_shapes import THINGS
 
 NAMES = ("carton", "jar", "brick", "mug")
 ROOM = Room(names=(*NAMES, "bowl", "drawer"))

@@ -12,10 +12,10 @@ from app.perception.registered.estimator import RegisteredPoses
 from app.perception.registered.learn import LabeledView, learn
 from app.perception.registered.model import RegisteredModel
 from app.pipeline.errors import ObjectNotVisibleError, UncertainPoseError
-from benchmarks.object_scenes import Layout
-from benchmarks.object_shapes import THINGS
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.quaternions import yaw_rad
+from synthetic.object_scenes import Layout
+from synthetic.object_shapes import THINGS
 from tests.perception.registered.rooms import NAMES, estimate, frames, layout, query, taught, view
 
 ALL = {"carton": (0.08, -0.05, 2.0), "jar": (-0.1, 0.1, 0.0), "brick": (-0.15, -0.1, 0.5), "mug": (0.12, 0.1, -2.0)}

@@ -9,8 +9,8 @@ from app.perception.registered.marks import Marks, masks_from_marks, outlines, y
 from app.perception.registered.scene import Scene
 from app.perception.registered.symmetry import completed, symmetry_remedy
 from app.perception.registered.template import Template
-from benchmarks.object_scenes import sample
 from roboprompt_client.errors import InvalidInputError
+from synthetic.object_scenes import sample
 from tests.perception.registered.rooms import PLACES, frames, layout, taught, view
 
 

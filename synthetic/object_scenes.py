@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from app.sim.scene import COLORS, SceneBody, about_z
 from app.sim.world import CameraPlacement, camera_to_world
-from benchmarks.camera_noise import as_d435, miscalibrated
-from benchmarks.object_shapes import PROPS, THINGS
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
+from synthetic.camera_noise import as_d435, miscalibrated
+from synthetic.object_shapes import PROPS, THINGS
 
 WIDTH_PX, HEIGHT_PX, FOCAL_PX = 640, 480, 600.0
 SIZE_PX = HEIGHT_PX, WIDTH_PX
