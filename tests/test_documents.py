@@ -33,7 +33,6 @@ def test_example_files_are_the_documented_examples():
 
 def test_no_package_registry_in_the_repository():
     locks = (
-        "client/tests.txt",
         "client/tests/libfranka/requirements.txt",
         "client/tests/realsense/requirements.txt",
         "requirements.lock",

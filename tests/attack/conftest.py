@@ -1,4 +1,4 @@
-"""A real service in its own process that attacks are tried on; `ROBOPROMPT_ATTACK=full pytest -m long tests/attack` tries larger ones than usual."""
+"""A real service in its own process that attacks are tried on; `ROBOPROMPT_ATTACK=full` tries larger ones than usual."""
 
 import os
 from dataclasses import dataclass

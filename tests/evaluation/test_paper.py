@@ -22,7 +22,7 @@ def test_means_of_the_table(method, mean):
 
 
 def test_tasks():
-    assert (len(RLBENCH), len(REAL)) == (16, 6)
+    assert (len(RLBENCH), len(REAL)) == (16, 5)
     assert METHODS[0] == "RoboPrompt"
     assert mean_percent("RoboPrompt", ["push_multiple_buttons"]) == 80
     assert mean_percent("RVT-2", REAL) is None

@@ -1,4 +1,4 @@
-"""The service is killed, and nothing acknowledged is lost. `python -m tests.reliability.torture` does the same 200 times."""
+"""The service is killed, and nothing acknowledged is lost. The torture does the same 200 times."""
 
 import os
 import signal

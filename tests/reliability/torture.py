@@ -1,4 +1,4 @@
-"""`python -m tests.reliability.torture`: the long versions of what tests/reliability asserts, and what needs root: power cuts and full disks.
+"""The long versions of what tests/reliability asserts, and what needs root: power cuts and full disks.
 
 Power cut: the data folder lies on an ext4 file system in an image file on a loop device. What the service has not
 synced is in the kernel's cache only, not in the image; a copy of the image is what a disk holds after a power cut. The
