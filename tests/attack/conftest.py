@@ -1,4 +1,4 @@
-"""A real service in its own process that attacks are tried on; `ROBOPROMPT_ATTACK=full` tries larger ones than usual."""
+"""A real service in its own process that attacks are tried on; `ROBOPROMPT_ATTACK=full` tries larger ones."""
 
 import os
 from dataclasses import dataclass
