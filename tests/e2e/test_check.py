@@ -3,7 +3,6 @@
 import json
 
 import httpx
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -102,12 +101,6 @@ def test_the_command_prints_what_to_do_in_80_columns(url, tidy):
     assert "left out of prompts" in done.output
 
 
-def test_the_command_asks_a_model(url, tidy):
-    done = run(url, "tidy", "--model", "scripted")
-    assert done.exit_code == 0, done.output
-    assert "model-mispredicts" in done.output
-
-
 def test_the_command_says_json(url, tidy):
     done = run(url, "tidy", "--json")
     assert json.loads(done.stdout) == httpx.get(f"{url}/tasks/tidy/check").json()
@@ -124,19 +117,3 @@ def test_a_task_that_is_not_there_is_an_error_of_the_command(url):
     done = run(url, "nothing")
     assert done.exit_code == 1
     assert "nothing" in done.output
-
-
-def test_the_page_shows_the_same(http, tidy):
-    page = http.get("/ui/tasks/tidy/check").text
-    assert "demonstration-unlike-others" in page
-    assert f"/ui/episodes/{tidy[-1]}" in page
-    assert "/ui/tasks/tidy/check" in http.get("/ui/episodes", params={"task": "tidy"}).text
-    assert http.get("/ui/tasks/nothing/check").status_code == 404
-
-
-def test_ten_demonstrations(client):
-    for item in recorded(10):
-        upload(client, "ten", item)
-    answer = client.check("ten")
-    assert answer["num_checked"] == 10
-    assert np.max([row["worst_cm"] for row in answer["plans"][0]["rows"]]) < 0.1

@@ -61,9 +61,7 @@ def learned(labeled):
 
     def learn(name, symmetric):
         body = {"object": name, "symmetric": symmetric}
-        while (answer := labeled.post("/tasks/shelf/labels/learn", json=body)).status_code == 409:
-            assert "repeat" in answer.json()["detail"]
-        return answer
+        return labeled.post("/tasks/shelf/labels/learn", json=body)
 
     with ThreadPoolExecutor() as pool:
         answers = list(pool.map(learn, ("carton", "jar"), ("none", "yaw")))

@@ -15,7 +15,6 @@ from tests.e2e.test_safety import PICK, QUERY_M, located, teach
 from tests.e2e.test_stream import Arm, seen
 
 BOX = {"min": (QUERY_M - 0.02).tolist(), "max": (QUERY_M + 0.02).tolist()}
-FAR_BOX = {"min": [0.6, 0.6, 0.6], "max": [0.65, 0.65, 0.65]}
 ROWS = [[51, 38, 27, 0, 36, 36, 1], [51, 38, 17, 0, 36, 36, 0], [51, 38, 32, 0, 36, 36, 0]]
 NUMBERS = count()
 OPTIONS = {"representation": "absolute", "prompt_format": "paper", "unsupported": "allow"}
@@ -167,26 +166,3 @@ def test_the_page_asks_where_the_arm_is(service):
     assert "required" not in field()
     client.configure_task(task, motion_limits={"max_step_m": 0.5})
     assert "required" in field()
-
-
-def test_bounds_go_only_by_an_explicit_word(service):
-    _, client, task = service
-
-    def put(**bounds):
-        return client.configure_task(task, motion_limits=bounds)["motion_limits"]
-
-    whole = {"keep_out": [BOX, FAR_BOX], "max_step_m": 0.4, "max_step_rotation_deg": 30.0, "hand_radius_m": 0.03}
-    assert put(**whole) == whole
-    assert put() == whole
-    assert put(max_step_rotation_deg=90) == (whole := {**whole, "max_step_rotation_deg": 90.0})
-    assert put(max_step_m=None) == (whole := {**whole, "max_step_m": None})
-    assert put(keep_out=[FAR_BOX]) == (whole := {**whole, "keep_out": [FAR_BOX]})
-    assert client.configure_task(task, num_demonstrations=3)["motion_limits"] == whole
-    assert client.configure_task(task, workspace={"max": [0.7, 0.5, 1.5]})["motion_limits"] == whole
-    assert put(max_step_rotation_deg=None) == (whole := {**whole, "max_step_rotation_deg": None})
-    assert put(keep_out=None) == {**whole, "keep_out": []}
-    assert put(keep_out=[BOX])["keep_out"] == [BOX]
-    assert put(keep_out=[])["keep_out"] == []
-    problem = problem_of(client.configure_task, task, motion_limits=None)
-    assert (problem["status"], problem["errors"][0]["field"]) == (422, "motion_limits")
-    assert client.get(f"/tasks/{task}")["motion_limits"]["hand_radius_m"] == 0.03

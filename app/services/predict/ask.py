@@ -96,7 +96,7 @@ class PredictActions:
         async with self._asked(question) as reply, aclosing(reply.arriving(piecewise=False)) as arriving:
             async for item in arriving:
                 if isinstance(item, list):
-                    await motion.check(action.action for action in item)
+                    await motion.check([action.action for action in item])
                     timings().reached("first_action")
         return await self._recorded(reply, motion)
 
@@ -115,9 +115,9 @@ class PredictActions:
                 if isinstance(item, TextDelta | Reading):
                     yield item
                     continue
-                await motion.check(action.action for action in item)
+                await motion.check([action.action for action in item])
                 for action in item:
-                    await motion.again()  # the one before may have been read slowly
+                    await motion.check()  # the one before may have been read slowly
                     timings().reached("first_action")
                     yield action
         yield await self._recorded(reply, motion)
