@@ -72,20 +72,6 @@ def test_it_can_be_asked_with_images_with_a_danger_until_both_are_compared(http,
     http.delete(f"/episodes/{both.json()['id']}")
 
 
-def test_another_point_of_the_object_is_measured(http, given_first):
-    shown = PLACES[1]
-    objects = given(shown, SHIFT_M)
-    both = http.post("/episodes", files=episode("given first", frames(shown), shown[0].position_m, objects))
-    unlike = [item for item in both.json()["findings"] if item["code"] == "given-pose-unlike-images"]
-    assert [item["where"] for item in unlike] == ["objects[red cube].position", "objects[blue cube].position"]
-    assert unlike[0]["off_m"] == pytest.approx(0.03, abs=0.005)
-    answer = ask(http, "given first")
-    (finding,) = [item for item in answer.json()["findings"] if item["code"] == CODE]
-    assert finding["severity"] == "danger"
-    assert finding["off_m"] == pytest.approx(0.03, abs=0.005)
-    http.delete(f"/episodes/{both.json()['id']}")
-
-
 @pytest.fixture(scope="module")
 def images_first(http):
     """A task that was taught with images alone."""
@@ -108,10 +94,3 @@ def test_of_a_request_with_both_the_given_pose_counts(http, images_first):
         "given",
         "cuboid",
     ]
-
-
-def test_poses_of_one_source_say_nothing(http, images_first):
-    assert sources(ask(http, "images first")) == []
-    said = ("name", "position", "quaternion_xyzw")
-    read_from_it = [{name: item[name] for name in said} for item in images_first["objects"]]
-    assert sources(ask(http, "images first", objects=read_from_it)) == []

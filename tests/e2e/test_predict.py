@@ -75,21 +75,6 @@ def test_time_outside_the_llm_is_in_the_answer(http, task):
     assert {"read", "poses", "prompt", "llm", "parse", "write"} <= set(timings)
 
 
-def test_outcome_is_recorded_and_can_be_filtered(http, task):
-    id_ = ask(http, task, model="regression").json()["id"]
-    stored = http.post(f"/predictions/{id_}/outcome", json={"success": False, "note": "slipped"}).json()
-    assert (stored["outcome"]["success"], stored["outcome"]["note"]) == (False, "slipped")
-    failures = http.get("/predictions", params={"task": task, "outcome": "failure"}).json()["predictions"]
-    assert id_ in [item["id"] for item in failures]
-
-
-def test_nearest_demonstration_comes_last(http, task):
-    place = np.array(POSITIONS_M[4]) + 0.001
-    chosen = ask(http, task, tuple(place), dry_run=True, selection="nearest", num_demonstrations=4).json()
-    last = http.get(f"/episodes/{chosen['demonstration_ids'][-1]}").json()
-    assert last["objects"][0]["position"] == POSITIONS_M[4]
-
-
 def test_named_demonstrations_in_their_order(http, task):
     ids = [item["id"] for item in http.get("/episodes", params={"task": task, "limit": 3}).json()["episodes"]]
     answer = ask(http, task, dry_run=True, episode_ids=ids).json()

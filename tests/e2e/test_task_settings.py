@@ -36,28 +36,6 @@ def test_demonstrations_on_a_table_work_without_any_setting(http, table, represe
     assert [action["gripper_open"] for action in answer["actions"]] == [True, False, False]
 
 
-def test_keyframes_on_a_table_are_not_clamped(http, table):
-    (episode, *_) = http.get("/episodes", params={"task": table}).json()["episodes"]
-    bins = [keyframe["bins"][:3] for keyframe in http.get(f"/episodes/{episode['id']}").json()["keyframes"]]
-    assert all(0 < value < 99 for row in bins for value in row)
-
-
-def test_the_box_holds_all_demonstrations_and_the_version_grows_with_it(http):
-    assert upload(http, "growing", (0.1, 0.0, 0.02)).status_code == 201
-    version, box = workspace(http, "growing")
-    assert box["preset"] == "auto"
-    assert (np.array(box["min"]) < [0.1, 0.0, 0.02]).all()
-    assert box["max"][2] > 0.17
-    assert upload(http, "growing", (0.11, 0.0, 0.02)).status_code == 201
-    assert workspace(http, "growing")[1] == box
-    before = workspace(http, "growing")[0]
-    assert upload(http, "growing", (1.4, 0.0, 0.02)).status_code == 201
-    after, wider = workspace(http, "growing")
-    assert after > before >= version
-    assert wider["max"][0] >= 1.5
-    assert wider["min"] == box["min"]
-
-
 def test_a_box_that_a_person_set_stays(http):
     own = {"min": [-1, -1, 0], "max": [1, 1, 1]}
     http.put("/tasks/fixed", json={"workspace": own}).raise_for_status()

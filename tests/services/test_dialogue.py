@@ -82,6 +82,13 @@ def test_an_unsupported_action_of_a_later_clause_is_named_by_its_place_among_all
     assert (record.status, record.actions) == ("unsupported", None)
 
 
+def test_a_reply_that_ends_too_early_is_refused(taught):
+    services = taught("[[60, 50, 20, 0, 36, 36, 1], [60, 50, 10, 0, 36, 36, 0]]")
+    with pytest.raises(RefusedReplyError, match="3 actions") as caught:
+        ask(services, with_options(REQUEST, representation="absolute"))
+    assert caught.value.cause.field == "actions[2]"
+
+
 def test_an_unsupported_action_is_let_pass_with_a_finding(taught):
     prediction = ask(taught(RELATIVE, FAR), with_options(TWICE, unsupported="allow"))
     assert len(prediction.reply.actions) == 6
