@@ -5,9 +5,11 @@ import os
 import shlex
 import shutil
 import sys
+import tempfile
 import threading
+import time
 import webbrowser
-from contextlib import suppress
+from contextlib import closing, suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,10 +18,12 @@ import typer
 from rich.console import Console
 
 from app.cli.shared import AsJson, check_models, check_names, progress_bars
+from app.evaluation.ledger import Ledger
 from app.evaluation.methods import with_poses
-from app.evaluation.plan import Plan
-from app.evaluation.run import run_demo
-from app.evaluation.server import running_server
+from app.evaluation.plan import Plan, evaluation_of
+from app.evaluation.results import Evaluation
+from app.evaluation.run import PlanRun, executor_of
+from app.evaluation.server import running_server, service
 from app.evaluation.sweeps import methods_beside
 from app.evaluation.tables import results_table, sweep_summary
 from app.sim.tasks import TASKS
@@ -61,20 +65,34 @@ def demo(
     methods = with_poses(methods_beside(model)[: None if compare else 1], poses)
     arm = {"arm": "panda", "robot_base": BASE_POSITION_M}
     plan = Plan(tuple(task or DEMO_TASKS), methods, episodes, demos, command, images=True, settings=arm)
-    with progress_bars(console) as progress:
-        evaluation = run_demo(plan, progress, data)
+    started_s = time.monotonic()
+    evaluation = _evaluation(plan, data, console)
+    duration_s = time.monotonic() - started_s
     console.print(results_table(evaluation))
     for message, number in evaluation.errors():
         console.print(f"{number} trials could not be run: {message}", markup=False)
-    console.print(f"{evaluation.duration_s:.0f} s in all")
+    console.print(f"{duration_s:.0f} s in all")
     if not open_pages:
         serve = _shell_command("serve", "--data", str(data.resolve()))
         console.print(f"Prompts, replies and scenes at http://127.0.0.1:8000/: {serve}", soft_wrap=True)
     if as_json:
-        run = {"command": command, "duration_s": round(evaluation.duration_s, 1), "data": str(data)}
+        run = {"command": command, "duration_s": round(duration_s, 1), "data": str(data)}
         print(json.dumps({**run, **sweep_summary(evaluation)}))  # noqa: T201
     if open_pages:
         _show_pages(data, console)
+
+
+def _evaluation(plan: Plan, data: Path, console: Console) -> Evaluation:
+    """Run the plan on a new service whose folder `data` is kept."""
+    with (
+        tempfile.TemporaryDirectory(prefix="roboprompt-") as folder,
+        Ledger(Path(folder) / "results.jsonl") as ledger,
+        closing(executor_of(plan.world)) as executor,
+        service(warm_up=plan.asks_default_model, data=data) as client,
+        progress_bars(console) as progress,
+    ):
+        PlanRun(plan, ledger, client, executor, progress)()
+        return evaluation_of(plan, ledger)
 
 
 def _show_pages(data: Path, console: Console) -> None:

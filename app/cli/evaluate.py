@@ -21,7 +21,7 @@ from app.evaluation.methods import Method, with_noise, with_poses, with_shift
 from app.evaluation.plan import Plan
 from app.evaluation.sweep_run import SweepResult, SweepRun
 from app.evaluation.sweeps import SIMPLE_NAMES, SWEEPS, chosen
-from app.evaluation.tables import results_table
+from app.evaluation.tables import results_table, sweep_summary
 from app.evaluation.world import Panda, World, world_named
 from app.sim.shift import can_shift
 from roboprompt_client.errors import InvalidInputError
@@ -132,7 +132,8 @@ def evaluate(**options: Any) -> None:  # noqa: ANN401
     if asked.as_json:
         scenes = {"recordings": asked.recordings, "seed": plan.first_test_seed, "episodes": plan.episodes}
         known = {"sweep": asked.sweep_name, "out": str(asked.folder), **scenes}
-        print(json.dumps({**known, **result.summary()}))  # noqa: T201
+        ended = {"remaining": result.remaining, "stopped": result.stopped}
+        print(json.dumps({**known, **sweep_summary(result.evaluation), **ended}))  # noqa: T201
     if result.remaining:
         raise typer.Exit(INTERRUPTED if result.stopped == "interrupted" else 1)
 

@@ -1,7 +1,6 @@
 """Stores `results.jsonl`: a JSON document for each trial, on disk as soon as it ends, so that runs can resume."""
 
 import fcntl
-import hashlib
 import json
 import os
 import threading
@@ -14,14 +13,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from app.evaluation.methods import Method
 from app.evaluation.results import Crash, Trial
 from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.errors import RoboPromptError
 from roboprompt_client.types.poses import EndEffectorAction, object_from_json, object_json
 
 Document = Mapping[str, Any]
-DIGEST_CHARS = 12
 AS_IT_IS = ("task", "seed", "method", "predict_s", "execute_s", "answer", "shift_m", "refused")  # of a trial
 
 _Key = tuple[str, int, str, str]  # task, seed, method, digest
@@ -76,17 +73,6 @@ def _action_json(action: EndEffectorAction) -> Document:
 def action_of(item: Document) -> EndEffectorAction:
     """Return an action of a JSON document."""
     return EndEffectorAction(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"])
-
-
-def digest_of(method: Method, taught: Mapping[str, Any]) -> str:
-    """Return a digest of everything besides the label that can change a method's results.
-
-    Args:
-        taught: how the demonstrations are made.
-    """
-    everything = {**asdict(method), "taught_noise": method.taught_noise, **taught}
-    del everything["noise_on"]
-    return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:DIGEST_CHARS]
 
 
 class Ledger:

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from app.llm.computed import YARDSTICKS
 from roboprompt_client.errors import InvalidInputError
 
 Poses = Literal["given", "vision"]
@@ -53,11 +52,6 @@ class Method:
     def asks_service(self) -> bool:
         """Whether the service is asked for actions."""
         return self.source in OF_THE_SERVICE
-
-    @property
-    def is_yardstick(self) -> bool:
-        """Whether it is a baseline without an LLM."""
-        return not self.asks_service or self.options.get("model") in YARDSTICKS
 
     @property
     def needs_panda(self) -> bool:

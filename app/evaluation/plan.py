@@ -1,14 +1,18 @@
 """The trials of an evaluation, and which of them a ledger has already."""
 
+import hashlib
+import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
-from app.evaluation.ledger import Ledger, digest_of
+from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
 from app.evaluation.results import Crash, Evaluation, TaskEvaluation, Trial
 from app.evaluation.world import WORLD, World
 from roboprompt_client.errors import RoboPromptError
+
+DIGEST_CHARS = 12
 
 
 class OtherModelError(RoboPromptError):
@@ -76,8 +80,12 @@ class Plan:
                     yield PlannedTrial(task, seed, method)
 
     def digest(self, method: Method) -> str:
-        """Return a digest of everything that can change a method's results; see `app.evaluation.ledger`."""
-        taught: dict[str, Any] = {
+        """Return a digest of everything besides the label that can change a method's results."""
+        everything = {
+            **asdict(method),
+            "label": "",
+            "noise_on": "",
+            "taught_noise": method.taught_noise,
             "demonstrations": self.demonstrations,
             "recorded": self.recorded,
             "first_test_seed": self.first_test_seed,
@@ -85,8 +93,8 @@ class Plan:
             **self.world.conditions(),
         }
         if self.first_test_seed < self.world.first_test_seed:  # demonstrations skip the seeds of tests
-            taught["episodes"] = self.episodes
-        return digest_of(method, taught)
+            everything["episodes"] = self.episodes
+        return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:DIGEST_CHARS]
 
     def outcome(self, ledger: Ledger, planned: PlannedTrial) -> Trial | Crash | None:
         """Return a trial's outcome in the ledger; None without one."""
@@ -97,7 +105,7 @@ class Plan:
         return [planned for planned in self.trials() if not isinstance(self.outcome(ledger, planned), Trial)]
 
 
-def evaluation_of(plan: Plan, ledger: Ledger, duration_s: float = 0.0) -> Evaluation:
+def evaluation_of(plan: Plan, ledger: Ledger) -> Evaluation:
     """Return the plan's outcomes in the ledger."""
     outcomes = [outcome for planned in plan.trials() if (outcome := plan.outcome(ledger, planned)) is not None]
     tasks = tuple(
@@ -108,7 +116,7 @@ def evaluation_of(plan: Plan, ledger: Ledger, duration_s: float = 0.0) -> Evalua
         )
         for task in plan.tasks
     )
-    return Evaluation(plan.command, plan.methods, tasks, duration_s)
+    return Evaluation(plan.command, plan.methods, tasks)
 
 
 def check_default_model(plan: Plan, ledger: Ledger, models: Sequence[Mapping[str, Any]]) -> None:

@@ -98,7 +98,6 @@ class Evaluation:
     command: str
     methods: tuple[Method, ...]
     tasks: tuple[TaskEvaluation, ...]
-    duration_s: float
 
     @property
     def trials(self) -> list[Trial]:

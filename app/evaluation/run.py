@@ -1,26 +1,18 @@
-"""Runs an evaluation: teaches the tasks, then runs the remaining trials; each outcome is stored as soon as it is known.
-
-A demo is a run of which only the service's data are kept.
-"""
+"""Runs an evaluation: teaches the tasks, then runs the remaining trials; each outcome is stored as soon as it ends."""
 
 import secrets
-import tempfile
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import TypeVar
 
 from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
-from app.evaluation.plan import Plan, PlannedTrial, check_default_model, evaluation_of
-from app.evaluation.results import Crash, Evaluation
-from app.evaluation.server import service
+from app.evaluation.plan import Plan, PlannedTrial, check_default_model
+from app.evaluation.results import Crash
 from app.evaluation.teach import (
     FIRST_LABELED_SEED,
     LABELED_SCENES,
@@ -39,7 +31,6 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import RoboPromptError, ServiceProblemError, ServiceUnreachableError
 
 Item = TypeVar("Item")
-PHASES = ("demonstrations_s", "trials_s")
 TEACHING_THREADS = 2  # one task is uploaded while the next is recorded
 SIMULATION = ("app.evaluation.trials",)  # what workers import once for all
 MAX_UNREACHABLE = 5  # trials in a row; after that many the service counts as lost
@@ -50,22 +41,6 @@ Lessons = Mapping[str, Lesson | Exception]  # by suffix of the task's name; or w
 
 class ServiceLostError(RoboPromptError):
     """The service does not answer any more."""
-
-
-class Timing(dict[str, float]):
-    """Wall-clock seconds by phase, one of PHASES."""
-
-    def __init__(self) -> None:
-        super().__init__(dict.fromkeys(PHASES, 0.0))
-
-    @contextmanager
-    def measured(self, phase: str) -> Iterator[None]:
-        """Measure how long the block takes, also if it fails."""
-        started = time.perf_counter()
-        try:
-            yield
-        finally:
-            self[phase] = time.perf_counter() - started
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,22 +57,16 @@ class PlanRun:
     executor: Executor
     progress: Progress
     shared: bool = False
-    timing: Timing = field(default_factory=Timing)
     _session: str = field(default_factory=lambda: secrets.token_hex(3))
 
-    def __call__(self) -> Evaluation:
+    def __call__(self) -> None:
         """Run the remaining trials of the plan.
 
         Raises:
             ServiceLostError, OtherModelError; KeyboardInterrupt: after the trials under way have ended.
         """
-        started = time.perf_counter()
         check_default_model(self.plan, self.ledger, self.client.get("/models")["models"])
-        with self.timing.measured("demonstrations_s"):
-            lessons = self.teach()
-        with self.timing.measured("trials_s"):
-            self.run_trials(lessons)
-        return evaluation_of(self.plan, self.ledger, time.perf_counter() - started)
+        self.run_trials(self.teach())
 
     def teach(self) -> dict[str, Lessons]:
         """Record each task's demonstrations once, and upload them for every group of methods with remaining trials."""
@@ -192,21 +161,3 @@ def _in_threads(
 def executor_of(world: World) -> Executor:
     """Return workers on this machine, in the environment that the world needs."""
     return LocalExecutor(imports=SIMULATION) if world.python is None else ForeignExecutor(world.python)
-
-
-def run_demo(plan: Plan, progress: Progress, data: Path) -> Evaluation:
-    """Run the plan on a new service, and return the results.
-
-    Args:
-        data: folder of the service, which is kept.
-
-    Raises:
-        ServerStartError, ServiceLostError.
-    """
-    with (
-        tempfile.TemporaryDirectory(prefix="roboprompt-") as folder,
-        Ledger(Path(folder) / "results.jsonl") as ledger,
-        closing(LocalExecutor(imports=SIMULATION)) as executor,
-        service(warm_up=plan.asks_default_model, data=data) as client,
-    ):
-        return PlanRun(plan, ledger, client, executor, progress)()

@@ -1,30 +1,26 @@
-"""Runs a sweep and writes its folder: results, table, and `run.json`, the record of the run.
-
-The record has the plan, the machine, versions and commit, and how long each phase took.
-"""
+"""Runs the trials that a folder of results lacks, and writes its table and `run.json`, the record of its sessions."""
 
 import json
 import os
 import platform
 import subprocess
-import time
-from collections.abc import Mapping, Sequence
-from contextlib import closing
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
 from app.evaluation.plan import Plan, evaluation_of
-from app.evaluation.results import Evaluation, Trial
-from app.evaluation.run import PHASES, PlanRun, ServiceLostError, Timing, executor_of
+from app.evaluation.results import Evaluation
+from app.evaluation.run import PlanRun, ServiceLostError, executor_of
 from app.evaluation.server import service
 from app.evaluation.sweeps import SWEEPS
-from app.evaluation.tables import markdown, sweep_summary
+from app.evaluation.tables import markdown
 from app.executors import Executor, usable_cores
 from roboprompt_client.version import VERSION
 
@@ -35,22 +31,12 @@ PACKAGES = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class SweepResult:
-    """The result of a session.
-
-    Attributes:
-        stopped: why it ended early; empty if it did not.
-        remaining: number of trials without an outcome, or with an error.
-    """
+class SweepResult(NamedTuple):
+    """The results so far; why the session ended early, if it did; the number of trials without one or with an error."""
 
     evaluation: Evaluation
     stopped: str
     remaining: int
-
-    def summary(self) -> dict[str, Any]:
-        """Return the results as one document, as `--json` prints it."""
-        return {**sweep_summary(self.evaluation), "remaining": self.remaining, "stopped": self.stopped}
 
 
 @dataclass(frozen=True)
@@ -74,52 +60,35 @@ class SweepRun:
             ServiceUnreachableError, ServiceProblemError: if there is no service at `url`.
         """
         with Ledger(self.folder / "results.jsonl") as ledger:
-            stopped = ""
-            if self.plan.remaining(ledger):
-                stopped = self._session(ledger, progress)
+            stopped = self._session(ledger, progress) if self.plan.remaining(ledger) else ""
             evaluation = evaluation_of(self.plan, ledger)
-            self._write_table(evaluation)
+            (self.folder / "table.md").write_text(markdown(evaluation, self._about()), encoding="utf-8")
             return SweepResult(evaluation, stopped, len(self.plan.remaining(ledger)))
 
     def _session(self, ledger: Ledger, progress: Progress) -> str:
         """Run a session. Return why it ended early; empty if it did not."""
-        with closing(executor_of(self.plan.world)) as executor:
-            record = SweepRecord(self.folder / "run.json", self.sweep, self.plan, executor)
+        with (
+            closing(executor_of(self.plan.world)) as executor,
+            _recorded(self.folder / "run.json", self._conditions(), _session_of(self.plan, executor)),
+        ):
             try:
-                self._run(ledger, executor, progress, record.timing)
+                with service(self.url, warm_up=self.plan.asks_default_model) as client:
+                    PlanRun(self.plan, ledger, client, executor, progress, self.url is not None)()
             except KeyboardInterrupt:
                 return "interrupted"
             except ServiceLostError as error:
                 return str(error)
-            finally:
-                record.end(evaluation_of(self.plan, ledger))
         return ""
 
-    def _run(self, ledger: Ledger, executor: Executor, progress: Progress, timing: Timing) -> None:
-        with service(self.url, warm_up=self.plan.asks_default_model) as client:
-            PlanRun(self.plan, ledger, client, executor, progress, self.url is not None, timing)()
-
-    def _write_table(self, evaluation: Evaluation) -> None:
-        """Write the table of the results so far."""
+    def _about(self) -> str:
         shift_m = max(method.shift_m for method in self.plan.methods)
         shifted = f"objects moved by {shift_m:g} m after the answer: as answered, and looking again"
-        about = shifted if shift_m else SWEEPS[self.sweep].about
-        (self.folder / "table.md").write_text(markdown(evaluation, about), encoding="utf-8")
+        return shifted if shift_m else SWEEPS[self.sweep].about
 
-
-class SweepRecord:
-    """The file `run.json` in a folder of results.
-
-    A session is one start of the command, from the record's creation to `end`. Earlier sessions stay in the file; one
-    that was killed has no end.
-    """
-
-    def __init__(self, path: Path, sweep: str, plan: Plan, executor: Executor) -> None:
-        self.timing = Timing()
-        self._path = path
-        self._earlier: list[Mapping[str, Any]] = json.loads(path.read_text())["sessions"] if path.exists() else []
-        self._plan = {
-            "sweep": sweep,
+    def _conditions(self) -> dict[str, Any]:
+        plan = self.plan
+        return {
+            "sweep": self.sweep,
             "tasks": plan.tasks,
             "methods": [asdict(method) for method in plan.methods],
             "episodes": plan.episodes,
@@ -128,62 +97,29 @@ class SweepRecord:
             **plan.world.conditions(),
             "test_seeds": [plan.seeds[0], plan.seeds[-1]],
         }
-        self._session: dict[str, Any] = {
-            "command": plan.command,
-            "executor": executor.description,
-            "workers": executor.workers,
-            "started": _now(),
-            "ended": None,
-            "duration_s": 0.0,
-            "timing": self.timing,
-            "versions": versions(),
-            "machine": machine(),
-            "commit": commit(),
-        }
-        self._started_s = time.perf_counter()
-        self._write({})
-
-    def end(self, evaluation: Evaluation) -> None:
-        """End the session, and write the evaluation's models and times."""
-        self._session |= {"ended": _now(), "duration_s": time.perf_counter() - self._started_s}
-        trials = evaluation.trials
-        self._write(
-            {
-                "trials": len(trials),
-                "errors": len(evaluation.crashes),
-                "models": sorted({trial.answer["model"] for trial in trials if trial.answer is not None}),
-                "times": _times(trials, [*self._earlier, self._session]),
-            }
-        )
-
-    def _write(self, results: Mapping[str, Any]) -> None:
-        document = {**self._plan, "sessions": [*self._earlier, self._session], **results}
-        temporary = self._path.with_suffix(".tmp")
-        temporary.write_text(json.dumps(document, indent=1) + "\n")
-        os.replace(temporary, self._path)
 
 
-def _times(trials: Sequence[Trial], sessions: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Return seconds spent in all sessions, and shares of wall-clock time.
+def _session_of(plan: Plan, executor: Executor) -> dict[str, Any]:
+    about = {"command": plan.command, "executor": executor.description, "started": _now(), "ended": None}
+    return {**about, "versions": versions(), "machine": machine(), "commit": commit()}
 
-    LLM and simulations run at the same time, so the shares do not add up to 1. The share of simulations refers to the
-    time of all workers.
-    """
-    timings = [trial.answer["timings_ms"] for trial in trials if trial.answer is not None]
-    clock_s = sum(session["duration_s"] for session in sessions)
-    workers_s = sum(session["duration_s"] * session["workers"] for session in sessions)
-    llm_s = sum(item["llm"] for item in timings) / 1000
-    execution_s = sum(trial.execute_s for trial in trials)
-    spent = {
-        "clock_s": clock_s,
-        "llm_s": llm_s,
-        "service_outside_llm_s": sum(item["outside_llm"] for item in timings) / 1000,
-        "execution_s": execution_s,
-        **{phase: sum(session["timing"][phase] for session in sessions) for phase in PHASES},
-        "llm_share": llm_s / clock_s if clock_s else 0.0,
-        "execution_share": execution_s / workers_s if workers_s else 0.0,
-    }
-    return {name: round(value, 3) for name, value in spent.items()}
+
+@contextmanager
+def _recorded(path: Path, conditions: Mapping[str, Any], session: dict[str, Any]) -> Iterator[None]:
+    """Keep a session in the file beside earlier ones; one that was killed has no end."""
+    earlier = json.loads(path.read_text())["sessions"] if path.exists() else []
+
+    def write() -> None:
+        temporary = path.with_suffix(".tmp")
+        temporary.write_text(json.dumps({**conditions, "sessions": [*earlier, session]}, indent=1) + "\n")
+        os.replace(temporary, path)
+
+    write()
+    try:
+        yield
+    finally:
+        session["ended"] = _now()
+        write()
 
 
 def versions() -> dict[str, str]:
@@ -199,9 +135,12 @@ def versions() -> dict[str, str]:
 
 def machine() -> dict[str, Any]:
     """Return a description of this machine."""
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    models = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     return {
         "system": platform.platform(),
-        "processor": _processor(),
+        "processor": next(models, platform.processor()),
         "cores": usable_cores(),
         "memory_gb": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1),
         "opengl": os.environ.get("MUJOCO_GL", ""),
@@ -219,14 +158,6 @@ def commit() -> str | None:
     except (OSError, subprocess.CalledProcessError):
         return None
     return described.stdout.strip()
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
 
 
 def _now() -> str:

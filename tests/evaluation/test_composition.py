@@ -12,7 +12,7 @@ from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
-from app.evaluation.plan import Plan
+from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.run import PlanRun
 from app.evaluation.server import running_server
 from app.evaluation.sweeps import EMBEDDED, OPEN, SWEEPS, chosen
@@ -114,7 +114,8 @@ def run(solver, folder, task, methods, demonstrations):
     with Ledger(folder / "results.jsonl") as ledger:
         session = PlanRun(plan, ledger, solver.client, InlineExecutor(), Progress(disable=True), shared=True)
         solver.task = f"{task}{suffix_of(methods[0], methods)}.eval-{session._session}"
-        (result,) = session().tasks
+        session()
+        (result,) = evaluation_of(plan, ledger).tasks
     assert not result.crashes
     return result
 

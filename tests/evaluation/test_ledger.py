@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.evaluation.ledger import Ledger, LedgerError, digest_of
+from app.evaluation.ledger import Ledger, LedgerError
 from app.evaluation.methods import Method
 from app.evaluation.plan import Plan
 from app.evaluation.results import Crash
@@ -85,6 +85,9 @@ def test_one_run_at_a_time(path):
         assert find(ledger, 100_000) is not None
 
 
+PLAN = Plan(("push_button",), (REGRESSION,), 25, 10, "roboprompt eval")
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -93,15 +96,13 @@ def test_one_run_at_a_time(path):
         {"noise": 1.0},
         {"source": "expert"},
         {"poses": "vision"},
+        {"source": "robot loop"},
+        {"source": "robot loop", "look_again": True},
     ],
 )
 def test_the_digest_follows_the_method(change):
-    assert digest_of(replace(Method("a"), **change), {}) != digest_of(Method("a"), {})
-    assert digest_of(Method("a"), {"demonstrations": 5}) != digest_of(Method("a"), {"demonstrations": 10})
-    assert digest_of(Method("a", {"x": 1, "y": 2}), {}) == digest_of(Method("a", {"y": 2, "x": 1}), {})
-
-
-PLAN = Plan(("push_button",), (REGRESSION,), 25, 10, "roboprompt eval")
+    assert PLAN.digest(replace(Method("a"), **change)) != PLAN.digest(Method("a"))
+    assert PLAN.digest(Method("a", {"x": 1, "y": 2})) == PLAN.digest(Method("b", {"y": 2, "x": 1}))
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,8 @@ def run(url, tmp_path):
     def run_(*methods, episodes=1, demonstrations=3, fails=(), address=url, **scenes):
         plan = plan_of(*methods, episodes=episodes, demonstrations=demonstrations, **scenes)
         with Ledger(tmp_path / "results.jsonl") as ledger, RoboPromptClient(address) as client:
-            (task,) = PlanRun(plan, ledger, client, InlineExecutor(fails), Progress(disable=True), shared=True)().tasks
+            PlanRun(plan, ledger, client, InlineExecutor(fails), Progress(disable=True), shared=True)()
+            (task,) = evaluation_of(plan, ledger).tasks
         return task
 
     return run_

@@ -9,13 +9,10 @@ from contextlib import contextmanager
 from tempfile import TemporaryFile
 
 import pytest
-from rich.progress import Progress
 from typer.testing import CliRunner
 
 from app.cli import application
-from app.evaluation.plan import Plan
-from app.evaluation.sweep_run import SweepRun
-from app.evaluation.sweeps import REGRESSION, REPLAY
+from app.evaluation.sweeps import REGRESSION
 from tests.evaluation.processes import alive, descendants
 from tests.forked import Forked
 
@@ -119,13 +116,7 @@ def test_the_record_of_the_run(folder):
     interrupted, killed, finished = record["sessions"]
     assert killed["ended"] is None
     assert interrupted["ended"] < finished["ended"]
-    assert (record["sweep"], record["test_seeds"], record["models"]) == (
-        "main",
-        [100_000, 100_001],
-        ["nearest", "regression"],
-    )
-    assert record["times"]["clock_s"] == pytest.approx(interrupted["duration_s"] + finished["duration_s"], abs=0.01)
-    assert 0 < record["times"]["llm_s"] < record["times"]["execution_s"]
+    assert (record["sweep"], record["test_seeds"]) == ("main", [100_000, 100_001])
     assert finished["versions"]["python"] == sys.version.split()[0]
     assert finished["machine"]["cores"] >= 1
 
@@ -137,17 +128,6 @@ def test_a_finished_run_is_not_run_again(folder):
     assert run.exit_code == 0, run.output
     assert ((folder / "results.jsonl").read_bytes(), (folder / "run.json").read_bytes()) == before
     assert "| push_button |" in (folder / "table.md").read_text()
-
-
-def test_the_page_of_failures(tmp_path):
-    plan = Plan(("push_button",), (REGRESSION, REPLAY), 1, 2, "roboprompt eval")
-    run = SweepRun("main", plan, tmp_path)
-    result = run(Progress(disable=True))
-    assert result.remaining == 0
-    page = run.report.read_text()
-    (failed,) = [trial for trial in result.evaluation.tasks[0].trials if not trial.succeeded]
-    assert failed.failure in page
-    assert len(list(run.report.parent.glob("images/*film.jpg"))) == 2
 
 
 def test_other_recordings_scenes_and_methods(tmp_path):

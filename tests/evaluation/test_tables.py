@@ -14,7 +14,7 @@ OURS, OTHER = Method("default"), Method("noisy", noise=1.5)
 
 
 def evaluation(*tasks, methods=(OURS, OTHER)):
-    return Evaluation("roboprompt eval --sweep main", methods, tasks, 1.0)
+    return Evaluation("roboprompt eval --sweep main", methods, tasks)
 
 
 def task(name, ours, other, crashes=0):

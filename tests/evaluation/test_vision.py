@@ -11,7 +11,7 @@ from rich.progress import Progress
 from app.evaluation import run, trials
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import with_poses
-from app.evaluation.plan import Plan
+from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.sweeps import REGRESSION
 from app.evaluation.teach import FIRST_LABELED_SEED, Lesson, images_only, with_object_models
 from app.evaluation.world import Panda
@@ -41,7 +41,8 @@ def run_plan(url, folder, task, episodes=1, num_cameras=2):
         RoboPromptClient(url) as client,
     ):
         patch.setattr(run, "LABELED_SCENES", LABELED_SCENES)
-        (evaluated,) = run.PlanRun(plan, ledger, client, InlineExecutor(), Progress(disable=True))().tasks
+        run.PlanRun(plan, ledger, client, InlineExecutor(), Progress(disable=True))()
+        (evaluated,) = evaluation_of(plan, ledger).tasks
     return evaluated
 
 
