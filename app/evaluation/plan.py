@@ -82,9 +82,7 @@ class Plan:
     def digest(self, method: Method) -> str:
         """Return a digest of everything besides the label that can change a method's results."""
         everything = {
-            **asdict(method),
-            "label": "",
-            "noise_on": "",
+            "method": {**asdict(method), "label": "", "noise_on": ""},
             "taught_noise": method.taught_noise,
             "demonstrations": self.demonstrations,
             "recorded": self.recorded,
