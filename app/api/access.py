@@ -29,6 +29,8 @@ from app.services.container import Services
 from app.store.errors import StoreError
 from roboprompt_client.http import is_loopback
 
+BURST = 40  # requests of one caller at once: a page and what it fetches
+MAX_QUERY_CHARS = 2000  # of an address
 MAX_CALLERS = 10_000  # the callers with the latest requests; a forgotten one starts again with a full bucket
 _UNAUTHENTICATED = Kind(401, "unauthenticated", "An API key is needed")
 _FORBIDDEN = Kind(403, "forbidden", "This is not allowed")
@@ -78,15 +80,12 @@ class Access:
         key_required: of all but health checks.
         local_only: without keys, accept only requests for this machine's own names (localhost, 127.0.0.1). This keeps
             out a website that lets its name resolve to 127.0.0.1 (DNS rebinding).
-        requests_per_s, burst: see RateLimit.
-        max_query_chars: of an address's query.
+        requests_per_s: of each caller, see RateLimit.
     """
 
     key_required: bool = False
     local_only: bool = False
     requests_per_s: float = 0.0
-    burst: int = 40
-    max_query_chars: int = 2000
 
 
 class AccessControl:
@@ -95,7 +94,7 @@ class AccessControl:
     def __init__(self, app: ASGIApp, access: Access) -> None:
         self._app = app
         self._access = access
-        self._rate = RateLimit(access.requests_per_s, access.burst)
+        self._rate = RateLimit(access.requests_per_s, BURST)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -122,8 +121,8 @@ class AccessControl:
         if path in HEALTH:
             scope.setdefault("state", {})["known"] = await self._may_know(scope, headers)
             return None, None
-        if len(scope["query_string"]) > self._access.max_query_chars:
-            return problem(_TOO_LONG, f"its query may have at most {self._access.max_query_chars} characters"), None
+        if len(scope["query_string"]) > MAX_QUERY_CHARS:
+            return problem(_TOO_LONG, f"its query may have at most {MAX_QUERY_CHARS} characters"), None
         if (refusal := self._foreign(method, host, headers)) is not None:
             return refusal, None
         try:

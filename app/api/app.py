@@ -10,8 +10,7 @@ from pydantic.json_schema import models_json_schema
 
 from app.api.access import Access, AccessControl
 from app.api.access_rules import HEALTH, scope_for
-from app.api.image_work import ImageWork
-from app.api.middleware import BodyLimit, BodyLimits, OuterMiddleware
+from app.api.middleware import BodyLimit, OuterMiddleware
 from app.api.problems import CONTENT, install_problem_handlers
 from app.api.routes import episodes, objects, operations, predict, predictions, tasks
 from app.api.schemas.objects import LabelBody, PosesBody
@@ -59,7 +58,7 @@ _OF_BODIES = {"400": "the body cannot be read", "413": "the body is too large"}
 OpenServices = Callable[[], AbstractAsyncContextManager[Services]]
 
 
-def create_app(open_services: OpenServices, version: str, body_limits: BodyLimits, access: Access) -> FastAPI:
+def create_app(open_services: OpenServices, version: str, max_body_bytes: int, access: Access) -> FastAPI:
     """The application.
 
     Args:
@@ -87,9 +86,7 @@ def create_app(open_services: OpenServices, version: str, body_limits: BodyLimit
         app.include_router(subject.router)
     install_problem_handlers(app)
     install_openapi(app)
-    app.state.body_limits = body_limits
-    app.state.image_work = ImageWork()
-    app.add_middleware(BodyLimit, limits=app.state.body_limits)
+    app.add_middleware(BodyLimit, largest=max_body_bytes)
     app.add_middleware(AccessControl, access=access)
     app.add_middleware(OuterMiddleware)
     return app

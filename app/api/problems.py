@@ -119,7 +119,7 @@ _REQUIREMENT = re.compile(r"\w+ should (?:be|have) (.+?)(?: after validation, no
 def install_problem_handlers(app: FastAPI) -> None:
     """Let `app` answer every error as a problem."""
     kinds = (RoboPromptError, RequestValidationError, ValidationError, HTTPException)
-    for kind in (*kinds, ClientDisconnect, Exception):
+    for kind in (*kinds, RecursionError, ClientDisconnect, Exception):
         app.add_exception_handler(kind, problem_of)
 
 
@@ -138,6 +138,8 @@ def problem_of(request: Request, error: Exception) -> JSONResponse:
             return http_problem(error)
         case RequestValidationError() | ValidationError():
             return _validation_problem(error)
+        case RecursionError():
+            return http_problem(HTTPException(400, "the body is nested too deeply"))
         case ClientDisconnect():  # the answer reaches no client, but the log must not call it a failure of the service
             return http_problem(HTTPException(499, "the client has left before its request was complete"))
         case _:

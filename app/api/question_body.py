@@ -3,26 +3,24 @@
 import anyio.to_thread
 
 from app.api.body import Body
-from app.api.image_work import Decode, decode_frames, split_images
+from app.api.frames import decode_frames, decoded, split_images
 from app.api.schemas.requests import PredictBody
 from app.services.container import Services
-from app.services.limits import Limits
 from app.services.predict.request import PredictRequest
 
 
-async def questioned(decode: Decode, body: Body, services: Services) -> tuple[PredictRequest, PredictBody]:
+async def questioned(body: Body, services: Services) -> tuple[PredictRequest, PredictBody]:
     """Return the question, with its task.
 
     Images are decoded in a thread, for which a small JSON body does not repay the change.
     """
-    limits = services.limits
-    query, asked = await decode(_read_question, body, limits) if body.parts else _read_question(body, limits)
+    query, asked = await decoded(services, _read_question, body) if body.parts else _read_question(body)
     if asked.task is None:
         query = await anyio.to_thread.run_sync(services.read_steps.with_task, query)
     return query, asked
 
 
-def _read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictBody]:
+def _read_question(body: Body) -> tuple[PredictRequest, PredictBody]:
     """Return the question, checked and decoded; synchronous: call it in a thread if there are images."""
     asked = PredictBody.model_validate(body.document)
     images = split_images(asked.cameras, body.parts)
@@ -30,7 +28,7 @@ def _read_question(body: Body, limits: Limits) -> tuple[PredictRequest, PredictB
         task=asked.task or "",
         instruction=asked.instruction,
         objects=tuple(item.query() for item in asked.objects),
-        frames=decode_frames(asked.cameras, images, limits.max_image_pixels),
+        frames=decode_frames(asked.cameras, images),
         images=images,
         end_effector=None if asked.end_effector is None else asked.end_effector.pose(),
         options=asked,

@@ -49,7 +49,6 @@ WHAT_FOR = {
     "video": "videos of LeRobot datasets",
     "postgres": "ROBOPROMPT_DATABASE_URL=postgresql://...",
     "s3": "ROBOPROMPT_BLOBS_URL",
-    "otel": "ROBOPROMPT_OTEL_ENDPOINT",
 }
 
 
@@ -210,7 +209,6 @@ def extras(settings: Settings) -> Iterator[Probe]:
     needed = {
         "postgres": (settings.database_url or "").startswith("postgresql"),
         "s3": bool(settings.blobs_url),
-        "otel": bool(settings.otel_endpoint),
     }
     for extra, packages in packages_of_extras().items():
         if extra in WHAT_FOR:

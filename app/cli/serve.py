@@ -1,17 +1,17 @@
 """`roboprompt serve` runs the service."""
 
 import os
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 import uvicorn
 
-from app.api.bounded_protocol import BoundedProtocol
 from app.bootstrap import build_app, open_store
 from app.cli.shared import Data, EnvFile, check_port, errors_printed, settings_of
-from app.logs import log_as_json
 from app.settings import Settings
 
+MAX_HEAD_BYTES = 65_536
+MAX_CONNECTIONS = 500  # of a worker; more get 503
 GRACE_S = 10  # for requests under way when the service has to stop
 
 
@@ -35,23 +35,20 @@ def serve(
     with errors_printed():  # in a sentence and once, before any worker starts
         open_store(settings).close()
     application = build_app(settings) if workers == 1 else _for_workers(settings)
-    logging: dict[str, Any] = {"log_level": "info"}
-    if settings.log_format == "json":
-        log_as_json()
-        logging = {"log_config": None, "access_log": False}
     uvicorn.run(
         application,
         host=host,
         port=port,
         workers=workers,
-        http=BoundedProtocol,
-        limit_concurrency=settings.max_connections,
+        http="h11",  # its heads are bounded
+        h11_max_incomplete_event_size=MAX_HEAD_BYTES,
+        limit_concurrency=MAX_CONNECTIONS,
         ws="none",
         server_header=False,
         proxy_headers=bool(settings.trusted_proxies),
         forwarded_allow_ips=list(settings.trusted_proxies),
         timeout_graceful_shutdown=GRACE_S,
-        **logging,
+        log_level="info",
     )
 
 

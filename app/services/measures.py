@@ -1,34 +1,17 @@
-"""Measurements of a request: milliseconds per stage, Prometheus's counters, and fields of log lines."""
+"""Measurements of a request: milliseconds per stage, and Prometheus's counters."""
 
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from typing import Any, Protocol
 
 from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
 from prometheus_client.exposition import CONTENT_TYPE_LATEST
 
-_fields: ContextVar[dict[str, str] | None] = ContextVar("log_fields", default=None)
 MAX_MODELS = 50
 OTHER_MODELS = "other"
 STAGE_SECONDS = (0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60)
-
-
-class Tracer(Protocol):
-    """OpenTelemetry's, as far as it is used; the package is not needed otherwise."""
-
-    def start_span(self, name: str) -> Any: ...  # noqa: ANN401
-
-
-_tracer: Tracer | None = None
-
-
-def trace_with(tracer: Tracer | None) -> None:
-    """Make a span of every stage from now on, in this process."""
-    global _tracer
-    _tracer = tracer
 
 
 @dataclass(frozen=True)
@@ -71,36 +54,10 @@ def timed(stage: str) -> Iterator[None]:
     """Add the duration of the block to the stage's, also when it raises."""
     current = timings()
     started_s = time.perf_counter()
-    # not made the current span: a stage may begin and end in different contexts of an asynchronous generator
-    span = None if _tracer is None else _tracer.start_span(stage)
     try:
         yield
     finally:
-        if span is not None:
-            span.end()
         current.ms[stage] = current.ms.get(stage, 0.0) + (time.perf_counter() - started_s) * 1000
-
-
-@contextmanager
-def request_fields(request_id: str) -> Iterator[dict[str, str]]:
-    """Log fields and timings of one request, also in the threads that it uses."""
-    token = _fields.set(fields := {"request_id": request_id})
-    try:
-        with timings_of_its_own():
-            yield fields
-    finally:
-        _fields.reset(token)
-
-
-def note(**fields: str) -> None:
-    """Add fields to the request that is answered here, if any: `note(task="open_drawer")`."""
-    if (current := _fields.get()) is not None:
-        current.update(fields)
-
-
-def current_fields() -> dict[str, str]:
-    """The log fields of the request that is answered here."""
-    return _fields.get() or {}
 
 
 class Metrics:

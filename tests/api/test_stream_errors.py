@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-from contextlib import AsyncExitStack
 from types import SimpleNamespace
 
 import pytest
@@ -27,7 +26,7 @@ def events_of(error, number=3):
     async def collect():
         request = Request({"type": "http", "method": "POST", "path": "/predict", "headers": []})
         question = SimpleNamespace(findings=(), grounded=Order("press the button", ()))
-        stream = predict._events(request, question, actions[0], answer(), predict._not_kept, AsyncExitStack())
+        stream = predict._events(request, question, actions[0], answer())
         return b"".join([piece async for piece in stream]).decode()
 
     return asyncio.run(collect())
@@ -48,3 +47,18 @@ def test_actions_that_cannot_be_recorded_are_counted():
 def test_an_unexpected_error_is_an_event_too(error):
     document = last_event(events_of(error))
     assert document["type"] == "/problems/internal-error"
+
+
+@pytest.mark.parametrize(
+    ("accept", "wanted"),
+    [
+        ("text/event-stream", True),
+        ("TEXT/Event-Stream; q=0.1, */*", True),
+        ("text/event-stream;q=0, application/json", False),
+        ("text/event-stream ; q = 0.000, */*", False),
+        ("text/event-streams", False),
+        (",;,q=1,text/*;" * 700, False),
+    ],
+)
+def test_a_stream_comes_only_where_it_is_accepted(accept, wanted):
+    assert predict._wants_events(accept) is wanted

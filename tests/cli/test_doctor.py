@@ -44,7 +44,7 @@ def test_a_machine_where_nothing_needed_is_missing(look, tmp_path):
 @pytest.mark.parametrize(
     ("variable", "value", "said"),
     [
-        ("ROBOPROMPT_DATABASE_CONNECTIONS", "1", "greater than or equal to 2"),
+        ("ROBOPROMPT_MAX_BODY_MB", "0", "greater than 0"),
         ("ROBOPROMPT_DEFAULT_MODEL", "openai/gpt", "set ROBOPROMPT_OPENAI_API_KEY"),
         ("ROBOPROMPT_DEFAULT_MODEL", "embedded//nowhere.gguf", "is not a GGUF file"),
         ("ROBOPROMPT_DATABASE_URL", "nonsense", "Could not parse"),

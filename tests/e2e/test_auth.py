@@ -9,6 +9,7 @@ import httpx
 import pytest
 from typer.testing import CliRunner
 
+from app.api.access import BURST
 from app.cli import application
 from app.services.api_keys import SCOPES, create_key
 from app.store.store import Store
@@ -235,11 +236,11 @@ def test_a_query_that_is_too_long(http, tokens):
 
 
 def test_too_many_requests(tmp_path):
-    environment = {"ROBOPROMPT_RATE_LIMIT_PER_S": "5", "ROBOPROMPT_RATE_LIMIT_BURST": "3", "ROBOPROMPT_AUTH": "on"}
+    environment = {"ROBOPROMPT_RATE_LIMIT_PER_S": "5", "ROBOPROMPT_AUTH": "on"}
     one, other = made_keys(tmp_path, ("read", "admin")).values()
     with killable_server(tmp_path, environment) as (_, url), httpx.Client(base_url=url) as http:
-        statuses = [http.get("/models", headers=bearer(one)).status_code for _ in range(12)]
-        assert statuses[:3] == [200] * 3
+        statuses = [http.get("/models", headers=bearer(one)).status_code for _ in range(2 * BURST)]
+        assert statuses[:BURST] == [200] * BURST
         assert 429 in statuses
         refused = http.get("/models", headers=bearer(one))
         while refused.status_code == 200:
@@ -247,7 +248,7 @@ def test_too_many_requests(tmp_path):
         assert (refused.headers["retry-after"], refused.json()["type"]) == ("1", "/problems/too-many-requests")
         assert http.get("/models", headers=bearer(other)).status_code == 200
         assert all(http.get("/healthz").status_code == 200 for _ in range(12))
-        guesses = [http.get("/models", headers=bearer(f"rp_guess_{k}")).status_code for k in range(12)]
+        guesses = [http.get("/models", headers=bearer(f"rp_guess_{k}")).status_code for k in range(2 * BURST)]
         assert set(guesses) == {401, 429}
         time.sleep(1)
         assert http.get("/models", headers=bearer(one)).status_code == 200
@@ -265,8 +266,8 @@ def test_too_many_requests(tmp_path):
 )
 def test_forwarded_addresses_are_believed_from_named_proxies_alone(tmp_path, monkeypatch, trusted, forwarded, statuses):
     monkeypatch.setenv("FORWARDED_ALLOW_IPS", "*")  # which uvicorn would follow
-    with killable_server(tmp_path, {**SLOW, "ROBOPROMPT_RATE_LIMIT_BURST": "3", **trusted}) as (_, url):
-        sent = [{"x-forwarded-for": forwarded.format(k)} for k in range(6)]
+    with killable_server(tmp_path, {**SLOW, **trusted}) as (_, url):
+        sent = [{"x-forwarded-for": forwarded.format(k)} for k in range(BURST + 3)]
         assert {httpx.get(f"{url}/tasks", headers=headers).status_code for headers in sent} == statuses
     logged = set(re.findall(r"INFO: +([\d.]+):\d+ - ", (tmp_path / "server.log").read_text()))
     assert (logged == {"127.0.0.1"}) is not bool(trusted)

@@ -21,7 +21,6 @@ def data(tmp_path_factory):
 def url(data, postgres):
     environment = {
         "ROBOPROMPT_DATABASE_URL": postgres.empty(),
-        "ROBOPROMPT_DATABASE_CONNECTIONS": "4",
         "ROBOPROMPT_EMBEDDED_THREADS": "1",
     }
     with running_server(data, environment, ["--workers", "2"]) as address:

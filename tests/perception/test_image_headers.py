@@ -15,8 +15,8 @@ from app.perception.images import (
     pixels_only,
 )
 from roboprompt_client.errors import InvalidInputError
-from tests.attack.payloads import START_OF_SCAN, many_scans, png_chunk, png_with
 from tests.npy_files import HOSTILE, npy
+from tests.perception.hostile_images import START_OF_SCAN, many_scans, png_chunk, png_with
 
 RNG = np.random.default_rng(0)
 RGB = RNG.integers(0, 256, (40, 60, 3), np.uint8)

@@ -16,8 +16,8 @@ from app.perception.images import (
 )
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import Camera
-from tests.attack.payloads import png_chunk
 from tests.npy_files import HOSTILE, npy
+from tests.perception.hostile_images import png_chunk
 
 RGB = np.random.default_rng(0).integers(0, 256, (40, 60, 3), np.uint8)
 SMOOTH = np.add.outer(np.arange(40), np.arange(60))[..., None].astype(np.uint8) + np.array([0, 60, 120], np.uint8)

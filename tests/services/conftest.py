@@ -11,7 +11,6 @@ from app.llm.computed import SCRIPTED, ScriptedModel
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 from app.services.container import Services
-from app.services.limits import Limits
 from app.services.poses import PoseServers
 from app.services.predict.known import KnownReader
 from app.services.predict.question import question_of
@@ -70,4 +69,4 @@ def with_options(request, **changes):
 
 def written(services, profile, request):
     """The question to a model of that profile."""
-    return question_of(request, KnownReader(services.store, lambda name: profile, PoseServers()), Limits())
+    return question_of(request, KnownReader(services.store, lambda name: profile, PoseServers()))

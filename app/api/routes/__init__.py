@@ -37,7 +37,6 @@ def body_of(
     metadata_model: type[BaseModel] | None = None,
     *files: str,
     films: bool = False,
-    packed: bool = False,
 ) -> dict[str, Any]:
     """`openapi_extra` for a body that is one JSON document, or multipart with a part `metadata`.
 
@@ -45,7 +44,6 @@ def body_of(
         metadata_model: None: the same.
         files: names of further required parts.
         films: what cameras took during a motion is read, too.
-        packed: MessagePack is read, too.
     """
     # Forms offer only parts with a name: those of one camera stand for those of all.
     kinds = _IMAGES | ({"film": _FILM} if films else {})
@@ -60,8 +58,6 @@ def body_of(
         "application/json": {"schema": _reference(json_model)},
         "multipart/form-data": {"schema": multipart, "encoding": {"metadata": {"contentType": "application/json"}}},
     }
-    if packed:
-        content["application/msgpack"] = {"schema": _reference(json_model)}
     return {"requestBody": {"required": True, "content": content}}
 
 

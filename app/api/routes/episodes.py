@@ -10,9 +10,9 @@ from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
 from app.api.body import FILM_PREFIX, Body, read_body
-from app.api.decoding import UniqueKeysRoute
+from app.api.decoding import StrictJsonRoute
 from app.api.documents import episode_document, metadata_document
-from app.api.image_work import decode_frames, image_work, split_images
+from app.api.frames import decode_frames, decoded, split_images
 from app.api.routes import Wired, body_of, problems
 from app.api.schemas.lists import EpisodesQuery
 from app.api.schemas.requests import EpisodeEdit, EpisodeJson, EpisodeMetadata
@@ -23,8 +23,6 @@ from app.pipeline.episode import Episode
 from app.services.container import Services
 from app.services.extract import read_episode
 from app.services.images import stored_film, stored_image
-from app.services.limits import Limits
-from app.services.measures import note
 from app.services.task_settings import TaskSettings
 from app.services.teach.edit import edit_episode, remove_episode
 from app.services.teach.upload_checks import Upload
@@ -36,7 +34,7 @@ from app.untrusted_arrays import film_from_npz, trajectory_from_npz
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory, trajectory_from_arrays
 
-router = APIRouter(tags=["episodes"], route_class=UniqueKeysRoute)
+router = APIRouter(tags=["episodes"], route_class=StrictJsonRoute)
 
 
 @router.post(
@@ -72,26 +70,24 @@ async def upload_episode(
     belongs to them.
     """
     body = await read_body(request)
-    # the turn comes before the trajectory is unpacked, which may be a thousand times as large then
-    async with image_work(request).room(request, body, services.limits) as decode, services.teaching:
-        upload = await decode(_read_upload, services.limits, body, idempotency_key)
-        note(task=upload.task)
+    async with services.teaching:  # before the trajectory is unpacked, which may be a thousand times as large then
+        upload = await decoded(services, _read_upload, body, idempotency_key)
         document = await run_in_threadpool(_uploaded, services, upload)
     services.prefix_warmer.changed(document["task"])
     return JSONResponse(document, 201, {"Location": f"/episodes/{document['id']}"})
 
 
-def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upload:
+def _read_upload(body: Body, idempotency_key: str | None) -> Upload:
     """Return the upload, checked and decoded."""
     document, parts = dict(body.document), dict(body.parts)
     if (npz := parts.pop("trajectory", None)) is not None:
         metadata = EpisodeMetadata.model_validate(document)
-        trajectory = trajectory_from_npz(npz, limits.max_unpacked_bytes, limits.max_frames)
+        trajectory = trajectory_from_npz(npz)
     else:
-        metadata, trajectory = _from_json(document, limits.max_frames)
+        metadata, trajectory = _from_json(document)
     films = {name.removeprefix(FILM_PREFIX): parts.pop(name) for name in body.parts if name.startswith(FILM_PREFIX)}
     images = split_images(metadata.cameras, parts)
-    frames = decode_frames(metadata.cameras, images, limits.max_image_pixels)
+    frames = decode_frames(metadata.cameras, images)
     episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
     for camera, film in films.items():
         checked_film(camera, film, episode.times_s)
@@ -100,7 +96,7 @@ def _read_upload(limits: Limits, body: Body, idempotency_key: str | None) -> Upl
     return Upload(metadata.task, episode, objects, images, body.digest(), idempotency_key, films=films, **said)
 
 
-def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, Trajectory]:
+def _from_json(document: JsonObject) -> tuple[EpisodeMetadata, Trajectory]:
     """The two halves of a JSON upload; the arrays are checked by Trajectory, once."""
     arrays: Any = document.get("trajectory")
     if not isinstance(arrays, dict):
@@ -108,7 +104,7 @@ def _from_json(document: JsonObject, max_frames: int) -> tuple[EpisodeMetadata, 
         raise InvalidInputError("trajectory", "is missing", remedy)
     if unknown := set(document) - {"metadata", "trajectory"}:
         raise InvalidInputError(sorted(unknown)[0], "is not known", "metadata, trajectory, rgb_/depth_/mask_/film_NAME")
-    return EpisodeMetadata.model_validate(document.get("metadata")), trajectory_from_arrays(arrays, max_frames)
+    return EpisodeMetadata.model_validate(document.get("metadata")), trajectory_from_arrays(arrays)
 
 
 @router.get("/episodes", response_model=EpisodePage, responses=problems(_404="no such task"))
@@ -222,7 +218,7 @@ async def get_image(
     original: Annotated[bool, Query(description="the very bytes that were uploaded, also of an array")] = False,
 ) -> Response:
     """A camera's image of the first frame."""
-    return await image_work(request).run(request, _image, services, episode_id, camera, kind, original)
+    return await decoded(services, _image, services, episode_id, camera, kind, original)
 
 
 def _image(services: Services, episode_id: str, camera: str, kind: ImageKind, original: bool) -> Response:

@@ -14,9 +14,9 @@ from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
 from app.api.body import Body, read_body
-from app.api.decoding import UniqueKeysRoute
+from app.api.decoding import StrictJsonRoute
 from app.api.documents import answer
-from app.api.image_work import decode_frames, image_work, split_images
+from app.api.frames import decode_frames, decoded, split_images
 from app.api.routes import Wired, body_of, problems
 from app.api.schemas.objects import (
     LabelBody,
@@ -32,7 +32,6 @@ from app.perception.frame_checks import check_rgbd
 from app.perception.images import decode_mask
 from app.perception.poses_wire import poses_document
 from app.perception.registered.marks import Marks, outlines
-from app.services.limits import Limits
 from app.services.poses import find_poses, overlay_of
 from app.services.teach import learn
 from app.services.teach.labels import LabelDraft
@@ -43,7 +42,7 @@ from app.store.values import JsonObject
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.names import checked_object_name
 
-router = APIRouter(route_class=UniqueKeysRoute)
+router = APIRouter(route_class=StrictJsonRoute)
 LABELS: list[str | Enum] = ["labels"]
 FEW_VIEWS = 3  # with fewer, advice asks for more
 PATH = "/tasks/{name}/labels"
@@ -76,13 +75,12 @@ async def poses(request: Request, services: Wired) -> Response:
     part `metadata` with `objects` and `cameras`, and the cameras' images as in an upload.
     """
     body = await read_body(request)
-    async with image_work(request).room(request, body, services.limits) as decode:
-        return JSONResponse(await decode(_find, body, services.limits, services.store.blobs))
+    return JSONResponse(await decoded(services, _find, body, services.store.blobs))
 
 
-def _find(body: Body, limits: Limits, blobs: BlobStore) -> JsonObject:
+def _find(body: Body, blobs: BlobStore) -> JsonObject:
     asked = PosesBody.model_validate(body.document)
-    frames = decode_frames(asked.cameras, split_images(asked.cameras, body.parts), limits.max_image_pixels)
+    frames = decode_frames(asked.cameras, split_images(asked.cameras, body.parts))
     return poses_document(find_poses([item.query() for item in asked.objects], frames, blobs))
 
 
@@ -93,9 +91,9 @@ def _find(body: Body, limits: Limits, blobs: BlobStore) -> JsonObject:
     response_class=Response,
     responses=_RESPONSES | problems(_404="no such episode or camera, or no color image"),
 )
-async def episode_overlay(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
+async def episode_overlay(services: Wired, episode_id: str, camera: str) -> Response:
     """A camera's first image with the found objects drawn into it."""
-    png = await image_work(request).run(request, overlay_of, services.store, "episode", episode_id, camera)
+    png = await decoded(services, overlay_of, services.store, "episode", episode_id, camera)
     return Response(png, media_type=PNG)
 
 
@@ -106,9 +104,9 @@ async def episode_overlay(request: Request, services: Wired, episode_id: str, ca
     response_class=Response,
     responses=_RESPONSES | problems(_404="no such prediction or camera, or no color image"),
 )
-async def prediction_overlay(request: Request, services: Wired, prediction_id: str, camera: str) -> Response:
+async def prediction_overlay(services: Wired, prediction_id: str, camera: str) -> Response:
     """A camera's image of the request, with the found objects drawn into it."""
-    png = await image_work(request).run(request, overlay_of, services.store, "prediction", prediction_id, camera)
+    png = await decoded(services, overlay_of, services.store, "prediction", prediction_id, camera)
     return Response(png, media_type=PNG)
 
 
@@ -122,9 +120,8 @@ async def label_object(request: Request, services: Wired, name: str) -> Response
     the masks of the other cameras follow. The task changes only when the object is learned.
     """
     body = await read_body(request)
-    async with image_work(request).room(request, body, services.limits) as decode:
-        draft = await decode(_draft, name, body, services.limits)
-        record = await run_in_threadpool(services.label_objects, draft)
+    draft = await decoded(services, _draft, name, body)
+    record = await run_in_threadpool(services.label_objects, draft)
     return JSONResponse(label_document(record), 201)
 
 
@@ -134,9 +131,8 @@ async def label_object(request: Request, services: Wired, name: str) -> Response
 async def preview_label(request: Request, services: Wired, name: str) -> Response:
     """The mask that a label would give the object in every camera. Nothing is stored."""
     body = await read_body(request)
-    async with image_work(request).room(request, body, services.limits) as decode:
-        draft = await decode(_draft, name, body, services.limits)
-        masks, yaw_deg = await run_in_threadpool(services.label_objects.preview, draft)
+    draft = await decoded(services, _draft, name, body)
+    masks, yaw_deg = await run_in_threadpool(services.label_objects.preview, draft)
     cameras = [
         {"name": camera, "num_pixels": int(mask.sum()), "outlines": outlines(mask)} for camera, mask in masks.items()
     ]
@@ -196,7 +192,7 @@ def label_document(record: LabelRecord) -> JsonObject:
     return answer(LabelOut, record, cameras=pixels)
 
 
-def _draft(task: str, body: Body, limits: Limits) -> LabelDraft:
+def _draft(task: str, body: Body) -> LabelDraft:
     """A label, checked and decoded."""
     asked = LabelBody.model_validate(body.document)
     checked_object_name("object", asked.object)
@@ -205,7 +201,7 @@ def _draft(task: str, body: Body, limits: Limits) -> LabelDraft:
         raise InvalidInputError("episode_id", "and cameras are both given, or neither is", remedy)
     if asked.episode_id is None:
         images = split_images(asked.cameras, body.parts)
-        frames = decode_frames(asked.cameras, images, limits.max_image_pixels)
+        frames = decode_frames(asked.cameras, images)
         for frame in frames:
             check_rgbd(frame)
         masks = {frame.camera.name: frame.mask for frame in frames if frame.mask is not None}
@@ -215,7 +211,7 @@ def _draft(task: str, body: Body, limits: Limits) -> LabelDraft:
         for part, data in body.parts.items():
             if not part.startswith("mask_"):
                 raise InvalidInputError(part, "is not a part of a label of an episode", "metadata, mask_NAME")
-            masks[part.removeprefix("mask_")] = decode_mask(part, data, limits.max_image_pixels)
+            masks[part.removeprefix("mask_")] = decode_mask(part, data)
     return LabelDraft(
         task,
         asked.object,

@@ -5,14 +5,14 @@ from collections.abc import Callable
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 
-from app.api.decoding import UniqueKeysRoute
+from app.api.decoding import StrictJsonRoute
 from app.api.documents import answer
 from app.api.routes import Wired
 from app.api.schemas.responses import Health, ModelList, ModelOut
 from app.llm.base import LanguageModelError
 from app.store.errors import StoreError
 
-router = APIRouter(route_class=UniqueKeysRoute)
+router = APIRouter(route_class=StrictJsonRoute)
 
 
 @router.get("/models", tags=["models"], response_model=ModelList)

@@ -11,7 +11,6 @@ from fastapi.sse import EventSourceResponse, format_sse_event
 
 from app.api.body import read_body
 from app.api.documents import dry_run_document, prediction_document, understood_document
-from app.api.image_work import image_work
 from app.api.problems import problem_of
 from app.api.question_body import questioned
 from app.api.routes import Wired, body_of, problems
@@ -36,12 +35,12 @@ router = APIRouter(tags=["predictions"])
 @router.post(
     "/predict",
     response_model=PredictionOut | DryRunOut,
-    openapi_extra=body_of(PredictBody, packed=True),
+    openapi_extra=body_of(PredictBody),
     responses=STREAMED
     | problems(
         _404="no such task or episode",
         _409="the task has no demonstrations yet",
-        _415="neither multipart, JSON nor MessagePack",
+        _415="neither multipart nor JSON",
         _422="a value is not valid, or the objects are not those of the task",
         _502="the LLM failed, or its reply is not a list of valid actions, or one is unsafe (reply_text has it)",
         _503="the model or the store is not available",
@@ -52,9 +51,8 @@ async def predict(request: Request, services: Wired) -> Response:
     """Actions for the observed scene, by an LLM that continues the pattern of the demonstrations.
 
     JSON with the objects' poses; or multipart with the same document as part `metadata`, and the cameras' images as in
-    an upload, for tasks whose pose estimator uses images; or MessagePack with that document and the images beside
-    it as arrays, `{"__ndarray__": true, "data": bytes, "dtype": "|u1", "shape": [480, 640, 3]}`. Nothing is invented: a
-    reply that is not a list of valid actions is an error, recorded with the prediction.
+    an upload, for tasks whose pose estimator uses images. Nothing is invented: a reply that is not a list of valid
+    actions is an error, recorded with the prediction.
 
     The service rewrites the instruction in the words of the demonstrations: `canonical_instruction` is what the LLM
     reads, and `grounding` names the object of each phrase. An instruction is refused if it names no object, if it fits
@@ -67,12 +65,11 @@ async def predict(request: Request, services: Wired) -> Response:
     `stream_text`, events `text` have the pieces of the reply before they are checked, and events `progress` how much
     of the prompt the model has read, if the model reports it.
     """
-    body = await read_body(request, packed=True)
+    body = await read_body(request)
     streamed = _wants_events(request.headers.get("accept", ""))
-    async with image_work(request).room(request, body, services.limits) as decode:
-        query, asked = await questioned(decode, body, services)
-        question = await services.predict_actions.prepare(query, ask_meaning=not asked.dry_run)
-        del query  # the room is given back, and with it what was decoded
+    query, asked = await questioned(body, services)
+    question = await services.predict_actions.prepare(query, ask_meaning=not asked.dry_run)
+    del query  # what was decoded would fill the memory while the LLM is asked
     if asked.dry_run:
         return JSONResponse(dry_run_document(question))
     if streamed:

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Body, Query, Response
 from fastapi.responses import JSONResponse
 
-from app.api.decoding import UniqueKeysRoute
+from app.api.decoding import StrictJsonRoute
 from app.api.documents import stored_prediction_document
 from app.api.routes import Wired, problems
 from app.api.schemas.lists import PredictionsQuery
@@ -13,7 +13,7 @@ from app.api.schemas.predictions import PlanOut, PredictionPage, StoredPredictio
 from app.api.schemas.requests import OutcomeBody, PlanBody
 from app.store import erasure, predictions
 
-router = APIRouter(tags=["predictions"], route_class=UniqueKeysRoute)
+router = APIRouter(tags=["predictions"], route_class=StrictJsonRoute)
 
 
 @router.get("/predictions", response_model=PredictionPage)

@@ -4,14 +4,14 @@ from functools import partial
 from typing import Annotated
 
 import anyio.to_thread
-from fastapi import APIRouter, Body, Query, Request, Response
+from fastapi import APIRouter, Body, Query, Response
 from fastapi.openapi.models import Example
 from fastapi.responses import JSONResponse
 
 from app.api.check_document import check_document
-from app.api.decoding import UniqueKeysRoute
+from app.api.decoding import StrictJsonRoute
 from app.api.documents import stats_document, task_document
-from app.api.image_work import image_work
+from app.api.frames import decoded
 from app.api.routes import Wired, problems
 from app.api.schemas import examples
 from app.api.schemas.checks import TaskCheckOut
@@ -30,7 +30,7 @@ _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
 _EVERYTHING = LearnBody()
 Model = Annotated[str | None, Query(min_length=1, max_length=200, description="name of an LLM to ask as well")]
 
-router = APIRouter(tags=["tasks"], route_class=UniqueKeysRoute)
+router = APIRouter(tags=["tasks"], route_class=StrictJsonRoute)
 
 
 @router.get("/tasks", response_model=TaskList)
@@ -151,13 +151,10 @@ async def learn_object_models(services: Wired, name: str, body: Annotated[LearnB
     response_model=TriedModelOut,
     responses=problems(_404="no such task or episode", _422="the model is not valid"),
 )
-async def try_object_model(
-    request: Request, services: Wired, name: str, body: Annotated[TryModelBody, Body()]
-) -> Response:
+async def try_object_model(services: Wired, name: str, body: Annotated[TryModelBody, Body()]) -> Response:
     """Find an object by a model in the images of stored episodes; nothing is stored."""
-    run = image_work(request).run
     asked = (name, body.object, body.model, body.episode_ids)
-    tried = await run(request, try_model, services.store, services.pose_servers, *asked)
+    tried = await decoded(services, try_model, services.store, services.pose_servers, *asked)
     return JSONResponse({"episodes": [_tried_document(item) for item in tried]})
 
 

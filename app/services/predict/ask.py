@@ -10,8 +10,7 @@ import anyio.to_thread
 from app.llm.base import Reading, TextDelta
 from app.llm.registry import ModelRegistry
 from app.pipeline.errors import InstructionError
-from app.services.limits import Limits
-from app.services.measures import note, timed, timings, timings_of_its_own
+from app.services.measures import timed, timings, timings_of_its_own
 from app.services.predict.instruction import ask_meaning
 from app.services.predict.known import KnownReader
 from app.services.predict.motion_check import MotionCheck
@@ -32,7 +31,6 @@ class PredictActions:
     """Asks an LLM for actions. The event loop waits for nothing but the LLM; the rest runs in threads.
 
     Args:
-        limits: of a request's size.
         record: stores predictions; None: they are not stored, as those of `check`, which no robot carries out.
     """
 
@@ -41,11 +39,10 @@ class PredictActions:
         store: Store,
         models: ModelRegistry,
         known: KnownReader,
-        limits: Limits,
         warmer: PrefixWarmer,
         record: PredictionRecorder | None,
     ) -> None:
-        self._models, self._known, self._limits, self._warmer, self._record = models, known, limits, warmer, record
+        self._models, self._known, self._warmer, self._record = models, known, warmer, record
 
     async def __call__(self, request: PredictRequest) -> Prediction:
         """Return the recorded prediction, with timings of its own.
@@ -65,15 +62,14 @@ class PredictActions:
         Raises:
             as `question_of`.
         """
-        note(task=request.task)
         try:
-            return await anyio.to_thread.run_sync(question_of, request, self._known, self._limits)
+            return await anyio.to_thread.run_sync(question_of, request, self._known)
         except InstructionError as error:
             meaning = await self._meaning(request, error) if ask_meaning else None
             if meaning is None:
                 raise
             meant = replace(request, meaning=meaning)
-            return await anyio.to_thread.run_sync(question_of, meant, self._known, self._limits)
+            return await anyio.to_thread.run_sync(question_of, meant, self._known)
 
     async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
         """Return the known instruction that an unclear one means, as the request's model judges; None without one."""

@@ -13,14 +13,15 @@ from app.pipeline.findings.scene import other_objects, scene_findings
 from app.pipeline.order.order import Order
 from app.pipeline.plans.symmetry import symmetry_findings
 from app.pipeline.prompt import Prompt
-from app.services.limits import Limits
 from app.services.measures import timed
 from app.services.predict.instruction import parsed
 from app.services.predict.known import Known, KnownReader
 from app.services.predict.placed import Plans, place_plans
 from app.services.predict.prefix import Prefix, write_prefix
 from app.services.predict.request import PredictRequest
+from roboprompt_client.errors import InvalidInputError
 
+MAX_PROMPT_CHARS = 400_000  # of system prompt and demonstrations: 100,000 tokens, which no context here holds
 LISTED = 3  # instructions that a sentence names
 
 
@@ -59,7 +60,7 @@ class Question:
         return self.request.options.deadline_s(self.known.profile, len(self.prompt.system) + len(self.prompt.user))
 
 
-def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Question:
+def question_of(request: PredictRequest, read: KnownReader) -> Question:
     """Return the question: read the task, choose the demonstrations, parse the instruction, write the prompt.
 
     Synchronous: call it in a thread.
@@ -74,7 +75,7 @@ def question_of(request: PredictRequest, read: KnownReader, limits: Limits) -> Q
     with timed("words"):
         order = understand(request, known, prefix.instructions)
     template, hand = prefix.template, request.end_effector
-    limits.check_prompt(len(template.system) + len(template.prefix))
+    _check_length(len(template.system) + len(template.prefix))
     start = start_at(hand)
     seen, objects = Query(order.text, known.objects, start=start), template.posed(known.objects)
     parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
@@ -111,6 +112,12 @@ def understand(request: PredictRequest, known: Known, taught: Sequence[str]) -> 
             message = f"may mean {meant}, which demonstrations do not have"
             raise UngroundedInstructionError("instruction", message, ", ".join(pose.name for pose in known.objects))
     return order
+
+
+def _check_length(num_chars: int) -> None:
+    if num_chars > MAX_PROMPT_CHARS:
+        valid = f"at most {MAX_PROMPT_CHARS} characters: fewer or shorter demonstrations"
+        raise InvalidInputError("num_demonstrations", f"makes a prompt of {num_chars} characters", valid)
 
 
 def doubts_before(question: Question) -> Iterator[Finding]:

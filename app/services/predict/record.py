@@ -11,7 +11,7 @@ from app.pipeline.findings import Finding
 from app.pipeline.findings.rules import MODEL_FAILED, UNPARSABLE, UNSAFE, UNSUPPORTED, Rule
 from app.services.errors import RefusedReply, RefusedReplyError
 from app.services.images import put_images
-from app.services.measures import Metrics, note, timed, timings
+from app.services.measures import Metrics, timed, timings
 from app.services.predict.motion_check import MotionCheck
 from app.services.predict.reply import Reply
 from app.store import predictions, tasks
@@ -98,7 +98,6 @@ class PredictionRecorder:
 
         with timed("write"):
             id_ = await anyio.to_thread.run_sync(write)
-        note(prediction_id=id_)
         current.ms["outside_llm"] = current.reached("total") - current.ms.get("llm", 0.0)
         self._metrics.observe_prediction(draft.model, draft.representation, draft.status, current.ms, vars(reply.usage))
         return id_

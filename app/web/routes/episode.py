@@ -12,7 +12,7 @@ from fastapi.responses import JSONResponse
 from starlette.responses import Response
 
 from app.api.documents import episode_document
-from app.api.image_work import image_work
+from app.api.frames import decoded
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
 from app.pipeline.keyframes import Motion, RuleName
@@ -121,9 +121,9 @@ def episode_motion(services: Wired, episode_id: str) -> Response:
 
 
 @documents.get("/ui/episodes/{episode_id}/points")
-async def episode_points(request: Request, services: Wired, episode_id: str) -> Response:
+async def episode_points(services: Wired, episode_id: str) -> Response:
     """What the first camera with color and depth saw, as `point_cloud` writes it."""
-    data = await image_work(request).run(request, _points, services, episode_id)
+    data = await decoded(services, _points, services, episode_id)
     return Response(data, media_type="application/octet-stream", headers=HEADERS)
 
 

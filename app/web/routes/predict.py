@@ -16,7 +16,6 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
 from app.api.body import read_body
-from app.api.image_work import image_work
 from app.api.question_body import questioned
 from app.api.routes import Wired
 from app.pipeline.prompt import SYSTEM_PROMPTS
@@ -169,10 +168,8 @@ def episode_scene(services: Wired, episode_id: str) -> Response:
 async def predict_prompt(request: Request, services: Wired) -> Response:
     """The prompt that a request to `/predict` would put to its LLM, in colors, and the scene; no LLM is asked."""
     body = await read_body(request)
-    async with image_work(request).room(request, body, services.limits) as decode:
-        query, _ = await questioned(decode, body, services)
-        question = await services.predict_actions.prepare(query, ask_meaning=False)
-        del query
+    query, _ = await questioned(body, services)
+    question = await services.predict_actions.prepare(query, ask_meaning=False)
     return await run_in_threadpool(_prompt_part, request, services, question)
 
 

@@ -11,7 +11,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request
 from starlette.responses import FileResponse, Response
 
-from app.api.image_work import image_work
+from app.api.frames import decoded
 from app.api.routes import Wired
 from app.api.schemas.examples import SAMPLE, SAMPLE_FILES
 from app.api.schemas.lists import EpisodesQuery
@@ -160,9 +160,9 @@ def sample_file(name: str) -> Response:
 
 
 @documents.get("/ui/episodes/{episode_id}/thumbnails/{camera}")
-async def episode_thumbnail(request: Request, services: Wired, episode_id: str, camera: str) -> Response:
+async def episode_thumbnail(services: Wired, episode_id: str, camera: str) -> Response:
     """A small picture of a camera's first image."""
-    data = await image_work(request).run(request, _thumbnail, services, episode_id, camera)
+    data = await decoded(services, _thumbnail, services, episode_id, camera)
     return Response(data, media_type="image/jpeg", headers=HEADERS)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from app.datasets.bounds import Budget, DamagedError
 from app.datasets.rlbench_pickle import load_demo
-from tests.attack import hostile_pickles as pickles
+from tests.datasets import hostile_pickles as pickles
 
 
 def written(tmp_path, data):

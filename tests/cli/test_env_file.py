@@ -1,4 +1,4 @@
-"""A file `.env` in the working directory used to switch keys off and to send a provider's key elsewhere."""
+"""A file `.env` in the working directory is not read: it might switch keys off, or send a provider's key elsewhere."""
 
 import os
 import subprocess
@@ -48,7 +48,7 @@ def test_an_unread_env_file_is_named_in_a_warning(planted, monkeypatch):
     assert ".env in this folder is not read" in done.stderr
 
 
-@pytest.mark.parametrize("command", ["serve", "jobs", "backup", "restore", "keys list"])
+@pytest.mark.parametrize("command", ["serve", "backup", "keys list"])
 def test_every_command_with_settings_takes_one(command):
     words = command.split()
     shown = CliRunner().invoke(application, [*words, "--help"], env={"COLUMNS": "200"})

@@ -1,4 +1,4 @@
-"""`python -m tests.attack.counted FILE ...`: `roboprompt import FILE ...`, whose memory the system counts.
+"""`python -m tests.datasets.counted FILE ...`: `roboprompt import FILE ...`, whose memory the system counts.
 
 The last line that it writes is JSON: the exit status, and the most memory that one of the command's processes had.
 """

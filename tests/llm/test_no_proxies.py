@@ -1,4 +1,4 @@
-"""A proxy of the environment is not for this machine: it saw images, prompts and keys that were sent to loopback."""
+"""A proxy of the environment is not for this machine: it would see images, prompts and keys."""
 
 import asyncio
 import json

@@ -27,7 +27,7 @@ ZEROS = bytes(1_000_000)
 def imported(path):
     """What `roboprompt import --dry-run` says, its status, and the most memory that one of its processes had."""
     options = ["--dry-run", "--instruction", "x", "--max-unpacked-mb", str(MAX_UNPACKED_MB)]
-    done = run("tests.attack.counted", path, *options, timeout_s=MAX_SECONDS)
+    done = run("tests.datasets.counted", path, *options, timeout_s=MAX_SECONDS)
     *said, counted = done.stdout.splitlines()
     return {"said": "\n".join([*said, done.stderr]), **json.loads(counted)}
 
