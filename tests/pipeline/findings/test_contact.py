@@ -45,11 +45,6 @@ def test_an_object_that_moves_without_being_held_is_pushed():
     assert finding.numbers["moved_m"] == pytest.approx(0.2, abs=0.03)
 
 
-def test_a_hand_that_closes_over_an_object_and_then_pushes_it_holds_nothing():
-    trajectory = replace(pushing(), gripper_open=np.arange(len(pushing())) < 5)
-    assert "contact" in found(tracked(trajectory, pushed_track(trajectory.positions_m)))
-
-
 def test_an_object_that_is_carried_is_not():
     trajectory = pick_and_place(BLOCK_M, GOAL_M, move=resting, start_m=(0.1, -0.2, 0.4)).at(20)
     closed = ~np.asarray(trajectory.gripper_open)
@@ -85,16 +80,3 @@ def test_forces_that_last_are_contact(force_n, frames, code):
     wrenches = np.full((len(trajectory), 6), 3.0)  # of the hand's own weight, say
     wrenches[20 : 20 + frames, 1] += force_n
     assert list(found(replace(trajectory, wrenches_n_nm=wrenches))) == ([code] if code else [])
-
-
-def test_a_recording_that_ends_in_motion_should_have_gone_on():
-    trajectory = pushing()
-    assert found(trajectory) == {}
-    cut = replace(
-        trajectory,
-        **{
-            name: getattr(trajectory, name)[: len(trajectory) // 3]
-            for name in ("joint_velocities_rad_s", "positions_m", "quaternions_xyzw", "gripper_open", "timestamps_s")
-        },
-    )
-    assert found(cut)["ends-in-motion"].severity == "info"

@@ -41,23 +41,6 @@ def test_recordings_of_the_flange_are_recognized_by_where_they_start(off_m, foun
     assert reported([hand_off(put(seed), 0, 0, off_m) for seed in range(4)], home()) == found
 
 
-@pytest.mark.parametrize(("off_m", "higher_now_m", "found"), [(0.0, 0, 0), (0.03, 0, 0), (0.08, 0, 1), (0.0, 0.08, 0)])
-def test_robots_that_start_in_several_places_hide_no_flange(off_m, higher_now_m, found):
-    """A hand that is higher now than recordings start is elsewhere: a flange would act nearer to objects."""
-    random = np.random.default_rng(0)
-    starts_m = [(*random.uniform(-0.03, 0.03, 2), random.uniform(-0.01, 0.01)) for _ in range(10)]
-    recordings = [hand_off(put(seed), x_m, y_m, z_m + off_m) for seed, (x_m, y_m, z_m) in enumerate(starts_m)]
-    now = home()
-    place_m = np.add(now.position_m, [0, 0, higher_now_m])
-    assert reported(recordings, Pose(place_m, now.quaternion_xyzw)) == found
-
-
-@pytest.mark.parametrize(("number", "found"), [(1, 0), (3, 1)])
-def test_some_recordings_of_the_flange_are_enough_where_they_are_more_than_a_third(number, found):
-    recordings = [hand_off(put(seed), 0, 0, 0.08 * (seed < number)) for seed in range(6)]
-    assert reported(recordings, home()) == found
-
-
 @pytest.mark.parametrize(("off_m", "found"), [((0.03, 0), 0), ((0.08, 0), 1), ((-0.2, 0.1), 1)])
 def test_recordings_of_another_frame_act_beside_objects_by_as_much_as_they_start_elsewhere(off_m, found):
     assert reported([hand_off(put(seed), *off_m, 0) for seed in range(4)], home()) == found
@@ -66,15 +49,6 @@ def test_recordings_of_another_frame_act_beside_objects_by_as_much_as_they_start
 @pytest.mark.parametrize(("turned_deg", "found"), [(0, 0), (10, 0), (45, 1), (-90, 1), (180, 0)])
 def test_recordings_of_a_turned_flange_start_turned_in_the_same_place(turned_deg, found):
     assert reported([put(seed) for seed in range(4)], home(turned_deg=turned_deg)) == found
-
-
-def test_another_point_of_the_hand_turns_with_it():
-    recordings = []
-    for seed in range(6):
-        given = put(seed)
-        hands = Rotation.from_quat(given.motion.trajectory.quaternions_xyzw.copy())
-        recordings.append(changed(given, positions_m=given.motion.trajectory.positions_m + hands.apply([0.05, 0, 0])))
-    assert reported(recordings, home()) == 1
 
 
 @pytest.mark.parametrize(("away_m", "number", "dangers"), [(0.3, 4, 1), (0.05, 4, 0), (0.3, 1, 0)])
@@ -86,25 +60,6 @@ def test_what_recordings_have_in_the_hand_from_the_start_must_be_there(away_m, n
     now = home()._replace(position_m=tuple(np.add(scene.object("red cube").position_m, (0, 0, away_m)).tolist()))
     assert [f.code for f in held_findings(now, scene, shown, hands)] == ["not-in-the-hand"] * dangers
     assert list(held_findings(None, scene, shown, hands)) == []
-
-
-def test_a_closed_hand_that_starts_at_the_object_of_the_instruction_and_is_elsewhere_now():
-    """Each recording is of another object, and the fist that pushes it never opens."""
-    recordings = [changed(item, gripper_open=np.zeros(len(item.motion), bool)) for item in map(at_the_cube, range(4))]
-    shown = [named(item, f"cube {k}") for k, item in enumerate(recordings)]
-    hands = [RecordedHand.of(item.motion, one, Kept(0.0, 0.0)) for item, one in zip(recordings, shown, strict=True)]
-    assert [f.code for f in held_findings(home(), shown[0], shown, hands)] == ["not-in-the-hand"]
-    at_it = home()._replace(position_m=tuple(shown[0].objects[0].position_m.tolist()))
-    assert list(held_findings(at_it, shown[0], shown, hands)) == []
-
-
-def at_the_cube(seed):
-    return frames(slice(85, None))(put(seed))
-
-
-def named(item, name):
-    cube, plate = item.demonstration.objects
-    return replace(item.demonstration, instruction=f"push the {name}", objects=(replace(cube, name=name), plate))
 
 
 def test_a_hand_that_is_elsewhere_is_right():

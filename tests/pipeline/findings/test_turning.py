@@ -50,12 +50,6 @@ def test_a_yaw_that_means_something_else(case):
     assert found(takes(said_deg)) == codes
 
 
-def test_what_never_turns_may_be_round():
-    group = takes(lambda k, deg: 0.0)
-    (item,) = turning_findings(Support.of([group]), group[0].order, {})
-    assert item.severity == "warning"
-
-
 def test_a_yaw_of_a_round_object_and_those_of_few_demonstrations_say_nothing():
     wrong, _ = MISREAD["the wrong sign"]
     assert found(takes(wrong), 0.0) == found(takes(wrong, number=4)) == []
@@ -104,66 +98,3 @@ def test_a_symmetry_that_the_hands_contradict(declared_deg, turns_deg, is_misrea
     group = [replace(item, id=id_) for item, id_ in zip(group, given_deg, strict=True)]
     given = {id_: {"bar": rotated(0, 0, deg).as_quat()} for id_, deg in given_deg.items()}
     assert found(group, declared_deg, given) == ["yaw-misread"] * is_misread
-
-
-def test_noisy_hands_that_turn_with_an_object_contradict_its_symmetry_too():
-    group = takes(lambda k, deg: deg, noise_deg=12.0, most_deg=170.0)
-    folded = [replace(item, objects=tuple(canonical_pose(each, 90) for each in item.objects)) for item in group]
-    folded = [replace(item, id=str(k)) for k, item in enumerate(folded)]
-    given = {str(k): {"bar": item.objects[0].quaternion_xyzw} for k, item in enumerate(group)}
-    assert "yaw-misread" in found(folded, 90.0, given)
-
-
-def test_hands_may_take_a_cube_by_another_side_than_its_yaw_is_folded_to():
-    group = []
-    for k in range(10):
-        at_m, yaw_deg = (0.03 * k, 0.0, 0.8), 47.0 * k
-        hand_deg = (180, 0, yaw_deg % 90)  # folded, the cube's yaw is from -45 to 45
-        rows = [action((*at_m[:2], z_m), hand_deg, gripper_open=z_m == 0.9) for z_m in (0.9, 0.8)]
-        group.append(demonstration(TAKE, (canonical_pose(pose("bar", at_m, yaw_deg), 90),), rows))
-    assert found(group, 90.0) == []
-
-
-def test_hands_that_push_may_be_turned_anyhow():
-    group = takes(lambda k, deg: 37.0 * k)
-    pushes = [replace(item, actions=tuple(replace(a, gripper_open=False) for a in item.actions)) for item in group]
-    assert found(pushes) == []
-
-
-@pytest.mark.parametrize(("shifted_m", "codes"), [(0.0, []), (0.12, ["beside-the-object"])])
-def test_what_is_put_beside_an_object_and_turned_as_it_is_belongs_there(shifted_m, codes):
-    """Unless the hand took it as far beside."""
-    random, group = np.random.default_rng(0), []
-    for _ in range(10):
-        bar_m, box_m = (np.array([*random.uniform(-0.2, 0.2, 2), 0.8]) for _ in range(2))
-        bar_deg, box_deg = random.uniform(-40, 40, 2).tolist()
-        aside_m = np.array([0, 1, 0])
-        taken_m, put_m = bar_m + shifted_m * aside_m, box_m + (0.13 + shifted_m) * aside_m
-        over_m = np.array([0, 0, 0.1])
-        rows = [
-            action(taken_m + over_m, (180, 0, bar_deg), gripper_open=True),
-            action(taken_m, (180, 0, bar_deg), gripper_open=False),
-            action(put_m + over_m, (180, 0, box_deg), gripper_open=False),
-            action(put_m, (180, 0, box_deg), gripper_open=True),
-        ]
-        group.append(demonstration(PUT, (pose("bar", bar_m, bar_deg), pose("box", box_m, box_deg)), rows))
-    assert found(group) == codes
-
-
-@pytest.mark.parametrize(("aside_m", "codes"), [(0.0, ["yaw-misread"]), (0.1, [])])
-def test_only_what_is_put_into_an_object_tells_that_it_is_less_symmetric(aside_m, codes):
-    """The bar is let go of with the hand turned as the box is, to half a turn; the box is declared square."""
-    random, group, given = np.random.default_rng(0), [], {}
-    for k in range(10):
-        bar_m, box_m = (np.array([*random.uniform(-0.2, 0.2, 2), 0.8]) for _ in range(2))
-        bar_deg, box_deg = float(random.uniform(-40, 40)), float(random.uniform(-180, 180))
-        let_go_deg = (box_deg + 90) % 180 - 90
-        up_m, put_m = np.array([0, 0, 0.1]), box_m + rotated(0, 0, let_go_deg).apply([0, aside_m, 0])
-        rows = [action(bar_m + up_m, (180, 0, bar_deg)), action(bar_m, (180, 0, bar_deg), gripper_open=False)]
-        rows += [action(put_m + up_m, (180, 0, let_go_deg), gripper_open=False), action(put_m, (180, 0, let_go_deg))]
-        box = pose("box", box_m, box_deg)
-        objects = (pose("bar", bar_m, bar_deg), canonical_pose(box, 90))
-        group.append(replace(demonstration(PUT, objects, rows), id=str(k)))
-        given[str(k)] = {"box": box.quaternion_xyzw}
-    found = turning_findings(Support.of([group]), group[0].order, {"box": 90.0}, given)
-    assert [item.code for item in found if item.where == "objects[box]"] == codes

@@ -48,18 +48,6 @@ def test_a_hand_that_is_turned_otherwise_where_it_lets_go_is_another_way(other_d
     assert len([*ways_findings(alike, [], {}, declared=False)]) == ways
 
 
-def test_keyframes_that_are_not_aligned_may_be_of_any_number():
-    """As of the rule `uniform`; only the gripper tells ways apart then."""
-    random, shown = np.random.default_rng(0), []
-    for k in range(12):
-        item = inserted(0.0, random, None)
-        longer = (*item.actions, item.actions[-1]) if k % 3 else item.actions
-        actions = longer if k % 2 else tuple(replace(each, gripper_open=False) for each in longer)
-        shown.append(replace(item, actions=actions, plan=None))
-    (found,) = ways_findings(shown, [], {}, declared=False)
-    assert found.severity == "danger"
-
-
 def carried(random, plan, grasp_deg=0.0, release_deg=0.0, down_deg=180):
     """A can is put onto a tray, the hand turned by these angles about the vertical where it grasps and releases."""
     can_m, tray_m = random.uniform((-0.2, -0.3, 0.8), (0.3, 0.0, 0.8)), random.uniform((0, 0.1, 0.8), (0.3, 0.4, 0.8))
@@ -89,13 +77,6 @@ def test_a_half_turn_of_the_gripper_is_no_other_way(other, expected):
     assert [finding.severity for finding in ways_findings(alike, [], {}, declared=False)] == expected
 
 
-def test_a_hand_that_takes_things_from_the_side_has_no_half_turn():
-    """Level fingers come down beside the can: turned about the vertical, the hand is on the other side of it."""
-    random = np.random.default_rng(0)
-    alike = [carried(random, k % 2, 180 * (k % 2), 180 * (k % 2), down_deg=90) for k in range(10)]
-    assert [finding.severity for finding in ways_findings(alike, [], {}, declared=False)] == ["danger"]
-
-
 @pytest.mark.parametrize(("other_deg", "expected"), [(-110.0, ["danger"]), (100.0, [])])
 @pytest.mark.parametrize("declared", [False, True])
 def test_demonstrations_that_turn_something_the_other_way_are_another_way(other_deg, expected, declared):
@@ -103,32 +84,3 @@ def test_demonstrations_that_turn_something_the_other_way_are_another_way(other_
     alike = [turned(110.0 if k % 2 else other_deg, random, plan=k % 2) for k in range(10)]
     found = ways_findings(alike, [], ROUND, declared=declared)
     assert [finding.severity for finding in found] == (["info"] * len(expected) if declared else expected)
-
-
-def taken(random, plan, aside_m, by_deg):
-    """A can is lifted by a hand beside its axis, turned about the vertical by an angle."""
-    can_m = random.uniform((-0.2, -0.3, 0.8), (0.3, 0.3, 0.8))
-    at_m, down = np.add(can_m, (0, aside_m, 0)), (180, 0, by_deg)
-    actions = (
-        action(np.add(at_m, (0, 0, 0.1)), down),
-        action(at_m, down, gripper_open=False),
-        action(np.add(at_m, (0, 0, 0.1)), down, gripper_open=False),
-    )
-    return replace(demonstration("lift the can", [pose("can", can_m)], actions), plan=plan, id=f"{by_deg}")
-
-
-@pytest.mark.parametrize(
-    ("symmetry", "aside_m", "other_deg", "expected"),
-    [
-        ({"can": 0.0}, 0.0, 45, []),
-        ({"can": 0.0}, 0.035, 45, ["danger"]),  # at the rim
-        ({"can": 180.0}, 0.0, 45, ["danger"]),
-        ({"can": 180.0}, 0.0, 180, []),
-        ({"can": 60.0}, 0.0, 60, []),
-        ({}, 0.0, 60, ["danger"]),
-    ],
-)
-def test_hands_that_are_turned_by_more_than_a_symmetry_are_another_way(symmetry, aside_m, other_deg, expected):
-    random = np.random.default_rng(1)
-    alike = [taken(random, k % 2, aside_m, other_deg * (k % 2)) for k in range(10)]
-    assert [finding.severity for finding in ways_findings(alike, [], symmetry, declared=False)] == expected

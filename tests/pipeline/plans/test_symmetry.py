@@ -84,17 +84,6 @@ def test_a_symmetry_is_shown_only_where_nothing_depends_on_the_side(hand_deg, ho
             assert turned is given
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_what_is_put_down_squarely_on_something_turns_farther_than_hands_that_take_it(seed):
-    random, recordings = np.random.default_rng(seed), []
-    for cube_deg, plate_deg in random.uniform(-180, 180, (10, 2)).tolist():
-        hand_deg = CUBE(cube_deg)
-        released_deg = hand_deg + nearest_deg(plate_deg - hand_deg, 90)
-        recordings.append(taken(cube_deg, hand_deg, released_deg, random, plate_deg=plate_deg))
-    symmetries = shown_symmetries(recordings, {})
-    assert {name: item.turn_deg for name, item in symmetries.items()} == {"cube": 90, "plate": 90}
-
-
 @pytest.mark.parametrize(("slips", "shown"), [(1, True), (2, False)])
 def test_one_of_ten_may_slip(slips, shown):
     """The side may decide between two ways, but not where one recording has another."""
@@ -106,47 +95,6 @@ def test_one_of_ten_may_slip(slips, shown):
         motion = replace(recordings[k].motion, trajectory=replace(trajectory, gripper_open=is_open))
         recordings[k] = replace(recordings[k], motion=motion)
     assert bool(shown_symmetries(recordings, {})) == shown
-
-
-@pytest.mark.parametrize(("missed", "shown"), [(1, True), (2, False)])
-def test_of_one_of_ten_it_need_not_be_clear_what_it_took(missed, shown):
-    recordings = group(CUBE)
-    for k in range(missed):
-        cube, plate = recordings[k].demonstration.objects
-        elsewhere = replace(cube, position_m=cube.position_m + np.array([0, 0, 0.1]))
-        recordings[k] = replace(
-            recordings[k], demonstration=replace(recordings[k].demonstration, objects=(elsewhere, plate))
-        )
-    assert bool(shown_symmetries(recordings, {})) == shown
-
-
-@pytest.mark.parametrize(
-    ("share", "number", "seed", "turn_deg"), [(0.6, 10, 0, 90), (0.3, 10, 0, None), (0.6, 5, 11, None)]
-)
-def test_people_turn_their_hands_less_than_they_need(share, number, seed, turn_deg):
-    """Five that are 15 to 20 degrees off a side may be so by chance."""
-    recordings = group(lambda yaw_deg: share * CUBE(yaw_deg), number=number, seed=seed)
-    symmetries = shown_symmetries(recordings, {})
-    assert {name: item.turn_deg for name, item in symmetries.items()} == ({"cube": turn_deg} if turn_deg else {})
-    for item in folded(recordings, symmetries) if turn_deg else ():
-        assert abs(np.degrees(yaw_rad(item.demonstration.object("cube").quaternion_xyzw))) < 45
-
-
-def test_two_models_of_an_object_that_lies_alike_are_no_symmetry():
-    """Half of the recordings have another zero of its yaw; beyond the demonstrated yaws a fold would be wrong."""
-    recordings = group(lambda yaw_deg: yaw_deg, most_deg=40)
-    for turn_deg in (90, 180):
-        mixed = [
-            replace(each, demonstration=_turned(each.demonstration, turn_deg * (k % 2)))
-            for k, each in enumerate(recordings)
-        ]
-        assert not shown_symmetries(mixed, {})
-
-
-def _turned(demonstration, turn_deg):
-    cube, plate = demonstration.objects
-    other = (Rotation.from_quat(cube.quaternion_xyzw) * rotated(0, 0, turn_deg)).as_quat()
-    return replace(demonstration, objects=(replace(cube, quaternion_xyzw=other), plate))
 
 
 def test_a_setting_has_the_last_word():
