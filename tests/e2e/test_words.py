@@ -20,20 +20,6 @@ def client(url):
         yield connected
 
 
-def test_the_embedded_llm_moves_to_what_was_meant(client):
-    literal = client.predict("words", "push the blue button", SEEN)
-    meant = client.predict("words", "hit the azure one, not the red one", SEEN)
-    assert meant.response["prompt"] == literal.response["prompt"]
-    assert [a.position_m.tolist() for a in meant.actions] == [a.position_m.tolist() for a in literal.actions]
-    assert meant.actions[1].position_m[1] < 0
-    assert meant.response["canonical_instruction"] == "push the blue button"
-    assert meant.response["grounding"] == [{"phrase": "the azure one", "object": "blue button", "by": "color"}]
-    stored = client.get(f"/predictions/{meant.id}")
-    described = ("canonical_instruction", "grounding")
-    assert [stored[name] for name in described] == [meant.response[name] for name in described]
-    assert stored["instruction"] == "hit the azure one, not the red one"
-
-
 @pytest.mark.parametrize(
     ("said", "kind"),
     [

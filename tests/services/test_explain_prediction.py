@@ -58,17 +58,6 @@ def test_objects_and_actions_are_held_against_the_demonstrations():
     assert [deviation.offset_m for deviation in evidence.deviations] == pytest.approx([0.0] * 3)
 
 
-def test_actions_beside_the_object_are_measured():
-    beside = explained(prediction(actions(0.12, dx_m=0.05), cube(0.12)))
-    assert [(item.follows, item.offset_m) for item in beside.deviations] == [("cube", pytest.approx(0.05))] * 3
-
-
-def test_the_instruction_is_the_one_that_the_llm_read():
-    assert len(explained(prediction(actions(0.12), cube(0.12), instruction="fetch it")).deviations) == 3
-    other = {"instruction": INSTRUCTION, "grounding": {"instruction": "fetch it"}}
-    assert explained(prediction(actions(0.12), cube(0.12), **other)).deviations == ()
-
-
 def test_without_its_demonstrations_nothing_is_compared():
     nothing = explained(prediction(actions(0.12), cube(0.12)), [])
     assert (nothing.reaches, nothing.deviations) == ({}, ())
@@ -110,7 +99,3 @@ def test_today_s_boxes_are_held_against_the_way():
     limits = {"keep_out": [box], "hand_radius_m": 0.01}
     aside, through = path([*actions(0.2)[:1], *actions(0.5)[:1]], motion_limits=limits)
     assert (aside.touches, [list(item.min_m) for item in through.touches]) == ((), [box["min"]])
-
-
-def test_a_prediction_without_actions_has_no_path():
-    assert path_of(prediction([], cube(0.1), actions=None), TaskSettings()) == ()

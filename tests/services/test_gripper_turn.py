@@ -9,11 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.perception.base import ObjectQuery
-from app.pipeline.episode import Demonstration, Episode
-from app.pipeline.plans.turn import WristRange
+from app.pipeline.episode import Episode
 from app.services.predict.request import PredictRequest
 from app.services.teach.upload_checks import Upload
-from roboprompt_client.types.poses import EndEffectorAction
 
 from ..pipeline.recordings import DOWN, arrival_s, pick_and_place, resting
 
@@ -112,35 +110,11 @@ def test_a_nut_that_is_turned_on_the_way_is_put_down_as_it_was_demonstrated(taug
         assert abs(yaws_deg[-1]) < 6
 
 
-@pytest.mark.parametrize("hands_deg", [(0.0, 180.0), (0.0, 0.0, 180.0), (0.0, 180.0, 180.0)])
-def test_demonstrations_that_are_half_a_turn_apart_are_one_way(taught, hands_deg):
-    services = taught(hands_deg=hands_deg, gripper_symmetry_deg=180)
-    for yaw_deg in (-40.0, 10.0):
-        _, yaws_deg, _, prediction = predicted(services, yaw_deg)
-        assert [finding for finding in prediction.findings if finding.severity == "danger"] == []
-        assert np.allclose((yaws_deg - yaw_deg + 90) % 180 - 90, 0, atol=6)
-        assert np.ptp(yaws_deg) < 6
-
-
-def test_without_the_setting_such_demonstrations_contradict_each_other(taught):
-    _, _, _, prediction = predicted(taught(hands_deg=(0.0, 180.0)), 10.0)
-    assert "danger" in {finding.severity for finding in prediction.findings}
-
-
 def test_a_known_arm_turns_the_gripper_where_it_gets_to_more_of_the_actions(taught):
     every_deg = np.linspace(-180, 157.5, 16)  # no angle is beyond what was demonstrated
     services = taught(taught_deg=every_deg, gripper_symmetry_deg=180, arm="panda", ways="several")
     found = [predicted(services, yaw_deg) for yaw_deg in (0.0, 180.0)]
     assert sum("gripper-turned" in findings for _, _, findings, _ in found) == 1
-
-
-@pytest.mark.parametrize(
-    ("points_along", "approaches"), [(DOWN, True), (Rotation.from_euler("y", 90, degrees=True), False)]
-)
-def test_only_a_hand_that_approaches_along_its_z_axis_may_turn_about_it(points_along, approaches):
-    quaternion = points_along.as_quat()
-    actions = [EndEffectorAction(np.array([0.3, 0.0, z_m]), quaternion, z_m > 0.1) for z_m in (0.2, 0.05)]
-    assert WristRange([Demonstration("lift the nut", (), actions=tuple(actions))]).approaches == approaches
 
 
 @pytest.mark.parametrize(("yaw_deg", "x_m", "found"), [(0, 0.3512345, True), (1, 0.3512345, False), (0, 0.35, False)])

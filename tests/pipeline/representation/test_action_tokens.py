@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.representation import action_tokens, fit_codec
+from app.pipeline.representation import fit_codec
 from roboprompt_client.types.poses import EndEffectorAction
 from tests.pipeline.asking import grammar_of, parse_reply, schema_of
 
@@ -66,20 +66,6 @@ def test_actions_are_written_and_read_within_the_rounding():
         assert seen.gripper_open == given.gripper_open
 
 
-def test_rounding_bends_no_triplet_beyond_its_bound(monkeypatch):
-    monkeypatch.setattr(action_tokens, "MAX_RESIDUAL_MM", action_tokens.ROUNDING_RESIDUAL_MM)
-    given = demonstration("go", [DRAWER], random_actions())
-    assert (
-        len(parse_reply(fitted("paper", given).actions_text(given), fitted(), [DRAWER], "go", NUM_RANDOM)) == NUM_RANDOM
-    )
-
-
-def tokens(position_m, rotation):
-    """The nine coordinates of a pose as it is written."""
-    shown = demonstration("go", [DRAWER], [EndEffectorAction(position_m, rotation.as_quat(), True)])
-    return json.loads(fitted("paper", shown).actions_text(shown))[0][:9]
-
-
 def bent(x_mm):
     """The first row with point 2 displaced along the axis that it stands for."""
     return f"[[165, 245, 1155, {265 + x_mm}, 245, 1155, 165, 145, 1155, 1]]"
@@ -106,11 +92,6 @@ def test_a_badly_bent_triplet_is_refused_with_its_residual(x_mm):
     assert "at most 8.7 mm" in caught.value.message
 
 
-def test_the_residual_names_the_action():
-    with pytest.raises(ReplyParseError, match=r"action 1: its three points are 13\.\d mm"):
-        read(f"[{ROW}, [0, 0, 0, 0, 70, 0, -100, 0, 0, 1]]")
-
-
 @pytest.mark.parametrize(
     "row",
     [
@@ -124,13 +105,6 @@ def test_the_residual_names_the_action():
 def test_points_on_one_line_are_no_pose(row):
     with pytest.raises(ReplyParseError, match="action 0: its three points lie on one line"):
         read(f"[{row}]")
-
-
-def test_a_mirrored_triplet_is_read_as_the_turn_that_it_also_is():
-    # three points have no handedness: x and y swapped are the gripper turned over
-    (seen,) = read("[[0, 0, 0, 0, 100, 0, 100, 0, 0, 1]]")
-    axes = Rotation.from_quat(seen.quaternion_xyzw).as_matrix()
-    np.testing.assert_allclose(axes, [[0, 1, 0], [1, 0, 0], [0, 0, -1]], atol=1e-9)
 
 
 REFUSED = {

@@ -2,11 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-from app.pipeline.geometry import canonical_pose
 from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import WORLD, Anchor, anchor_pose, relative_row, tilted_objects
+from app.pipeline.representation.anchors import Anchor, anchor_pose, relative_row, tilted_objects
 
 from ..scenes import action, demonstration, pose, rotated
 
@@ -61,11 +59,6 @@ def test_place_and_rotation_each_have_the_frame_in_which_they_agree(frame, numbe
     assert choose_anchors(pressed(frame, number, off_m), LEVEL) == [(Anchor(CUP, frame),) * number]
 
 
-@pytest.mark.parametrize("frame", ["ow", "wo"])
-def test_a_single_odd_demonstration_of_many_hides_no_frame(frame):
-    assert choose_anchors(pressed(frame, 10, odd_m=0.1), LEVEL) == [(Anchor(CUP, frame),) * 10]
-
-
 @pytest.mark.parametrize("number", [3, 4, 5, 10])
 @pytest.mark.parametrize("off_m", [0.0, 0.04])
 @pytest.mark.parametrize("frame", ["w", "o"])
@@ -76,16 +69,6 @@ def test_noise_chooses_no_mixed_frame(number, off_m, frame):
         assert anchor.frame in ("w", "o")
 
 
-@pytest.mark.parametrize("frame", ["ow", "wo"])
-def test_an_object_that_is_the_same_turned_by_any_angle_has_no_mixed_frame(frame):
-    """Its yaw is 0 in every scene, whichever side an estimator called the front: both its frames are one."""
-    shown = [
-        replace(item, objects=tuple(canonical_pose(cup, 0) for cup in item.objects)) for item in pressed(frame, 10)
-    ]
-    ((anchor, *_),) = choose_anchors(shown, LEVEL)
-    assert anchor.frame in ("w", "o")
-
-
 def test_a_tilted_object_has_mixed_frames():
     tilts = [rotated(0, tilt_deg, yaw_deg) for tilt_deg, yaw_deg in ((-60, 30), (-80, -50), (-40, 0), (-30, 80))]
     places_m = [np.array([0, 0.1 * k, 1]) for k in range(4)]
@@ -94,28 +77,6 @@ def test_a_tilted_object_has_mixed_frames():
         for place_m, tilt in zip(places_m, tilts, strict=True)
     ]
     assert choose_anchors(shown, tilted_objects(shown)) == [(Anchor(LID, "ow", tilted=frozenset({LID})),) * 4]
-
-
-def test_a_hand_at_one_place_of_the_world_follows_no_object():
-    """Its rotation varies more than the object's place, so that the object is nearly as good an anchor at first."""
-    signs = [np.array([1 - 2 * (k & 1), 1 - (k & 2), 1 - (k & 4) / 2]) for k in range(8)]
-    group = [
-        demonstration("put it down", [pose(CUP, 0.012 * sign, 0)], [action((0, 0, 0.1), (180, 0, 25 * (k % 3 - 1)))])
-        for k, sign in enumerate(signs)
-    ]
-    assert choose_anchors(group, LEVEL, beyond_objects=True) == [(WORLD,) * 8]
-
-
-def test_hover_grasp_and_lift_at_a_rim_are_in_one_mixed_frame():
-    """The hand hovers above the middle, where either frame of the place holds."""
-    random, group = np.random.default_rng(2), []
-    for k, yaw_deg in enumerate(YAWS_DEG[:6]):
-        rim_m = rotated(0, 0, yaw_deg).apply([0.03, 0, 0])
-        offsets_m = [(0, [0, 0, 0.1]), (1, rim_m), (1, np.add(rim_m, [0, 0, 0.12]))]
-        offsets_m = [(held, np.add(off_m, random.normal(0, 0.002, 3))) for held, off_m in offsets_m]
-        group.append(picked_up((0.1 * k, 0.05 * k, 0.7), yaw_deg, offsets_m))
-    hover, grasp, lift, _ = choose_anchors(group, LEVEL, beyond_objects=True)
-    assert hover == grasp == lift == (Anchor(CUP, "ow"),) * 6
 
 
 def test_a_tilted_objects_frame_turns_fully():
@@ -168,14 +129,6 @@ def test_an_action_of_a_single_demonstration_belongs_to_the_nearest_object():
     assert choose_anchors(shown, LEVEL) == [(Anchor(CUP, "o"),), (Anchor(PLATE, "o"),)]
 
 
-def test_of_a_single_demonstration_a_hand_square_to_a_farther_object_belongs_to_that():
-    beside_the_cup = (0.08, 0.22, 0.8)
-    oblique = tidying(40, action(beside_the_cup, (180, 0, 130)))
-    assert choose_anchors(oblique, LEVEL) == [(Anchor(PLATE, "o"),)]
-    square_to_both = tidying(100, action(beside_the_cup, (180, 0, 190)))
-    assert choose_anchors(square_to_both, LEVEL) == [(Anchor(CUP, "o"),)]
-
-
 def test_of_a_single_demonstration_a_hand_square_to_the_world_keeps_to_it():
     """A round button has any yaw; the hand does not turn with it."""
     shown = [demonstration("push", [pose(CUP, (0.1, 0.2, 0.7), 33)], [action((0.1, 0.2, 0.75))])]
@@ -215,18 +168,6 @@ def picked_up(cup_m, yaw_deg, offsets_m, hand_deg=30, released_m=(0.4, 0.3, 0.72
 HOVER_GRASP_LIFT = ((0, (0.012, 0, 0.1)), (1, (0.0, 0, 0.0)), (1, (0.0, 0.0, 0.12)))
 
 
-def test_hover_grasp_and_lift_are_in_one_frame_where_the_object_was_always_turned_alike():
-    """By chance the hover keeps closer to the cup's own axes and the grasp to the world's."""
-    random = np.random.default_rng(4)
-    group = []
-    for place in range(3):
-        offsets_m = [(k, np.add(offset_m, random.normal(0, 0.006, 3))) for k, offset_m in HOVER_GRASP_LIFT]
-        cup_m = (0.1 * place, 0.05 * place, 0.7)
-        group.append(picked_up(cup_m, 57 + 4 * place, offsets_m, 30 + 8 * random.uniform()))
-    hover, grasp, lift, _ = choose_anchors(group, LEVEL, beyond_objects=True)
-    assert hover == grasp == lift
-
-
 @pytest.mark.parametrize(
     ("apart_deg", "frame"),
     [
@@ -240,17 +181,6 @@ def test_a_hand_follows_the_axes_of_an_object_that_was_always_turned_alike(apart
     group = [picked_up((0.1 * k, 0.05 * k, 0.7), 57 + apart_deg * (k == 2), HOVER_GRASP_LIFT) for k in range(3)]
     chosen = choose_anchors(group, LEVEL, beyond_objects=True)
     assert [anchors[0] for anchors in chosen[:3]] == [Anchor(CUP, frame)] * 3
-
-
-def test_what_the_hand_carries_does_not_follow_a_bystander():
-    by_the_way = [*HOVER_GRASP_LIFT, (1, (0.1, 0.1, 0.12))]
-    alone = picked_up(
-        (0.1, 0.1, 0.7), 20, by_the_way, near=[pose(PLATE, (0.4, 0.3, 0.7), 30), pose(LID, (0.2, 0.2, 0.8), 30)]
-    )
-    names = [anchors[0].object_name for anchors in choose_anchors([alone], LEVEL, beyond_objects=True)]
-    assert names[1] == CUP
-    assert names[-1] == PLATE
-    assert LID not in names[1:]
 
 
 def at_heights(number, noise_m=0.0):
@@ -273,13 +203,6 @@ def test_a_lift_may_end_at_a_height_of_the_world(number, noise_m):
     assert lifted == (Anchor(CUP, "w", ((2, ""),)),) * number
 
 
-def test_two_demonstrations_or_noise_do_not_show_what_single_axes_follow():
-    assert not choose_anchors(at_heights(2), LEVEL, beyond_objects=True)[2][0].along
-    noisy = [demonstration("press the cup", [pose(CUP, (0.1 * k, 0, 0.7))], [action((0.1 * k, 0.01 * k, 0.7))])
-             for k in range(3)]  # fmt: skip
-    assert not choose_anchors(noisy, LEVEL, beyond_objects=True)[0][0].along
-
-
 def test_a_place_may_have_x_of_one_object_and_y_of_another_and_is_found_again_in_another_scene():
     places = [
         ((0.1, 0.3), (0.4, -0.2)),
@@ -300,15 +223,6 @@ def test_a_place_may_have_x_of_one_object_and_y_of_another_and_is_found_again_in
     assert anchor.names == (PLATE, CUP)
     scene = replace(group[0], objects=(pose(CUP, (0.15, 0, 0.7)), pose(PLATE, (0, -0.3, 0.7))))
     np.testing.assert_allclose(anchor_pose(anchor, scene).origin_m, [0.15, -0.3, 0.7])
-
-
-def test_a_row_on_the_way_that_scatters_along_another_axis_keeps_its_frame():
-    group = at_heights(10)
-    astray = [
-        replace(shown, actions=(*shown.actions[:2], action((0.05 * (k % 4), *shown.actions[2].position_m[1:]))))
-        for k, shown in enumerate(group)
-    ]
-    assert not choose_anchors(astray, LEVEL, beyond_objects=True)[2][0].along
 
 
 def placed(number, tenths, noise_m=0.0, seed=0):
@@ -343,24 +257,8 @@ def test_a_place_may_be_between_two_objects(tenths, number, noise_m):
     np.testing.assert_allclose(anchor_pose(anchor, scene).origin_m[:2], expected_m[:2])
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_few_or_scattered_places_are_between_nothing(seed):
-    for group in (placed(3, 5, seed=seed), placed(10, None, seed=seed), placed(10, 5, noise_m=0.02, seed=seed)):
-        assert {anchors[0].tenths for anchors in choose_anchors(upright(group), LEVEL, beyond_objects=True)} == {10}
-
-
 def test_what_is_let_go_of_as_it_was_taken_stays_turned():
     *_, release = choose_anchors(placed(10, 10), LEVEL, beyond_objects=True)
     assert release[0] == Anchor(LID, "wo", ((0, PLATE), (1, PLATE), (2, PLATE)))
     *_, release = choose_anchors(upright(placed(10, 10)), LEVEL, beyond_objects=True)
     assert release[0] == Anchor(PLATE, "w")
-
-
-def test_what_is_held_beside_its_middle_is_let_go_of_as_it_was_taken():
-    def by_handle(shown):
-        aside = Rotation.from_quat(shown.object(LID).quaternion_xyzw).apply((0.06, 0, 0))
-        rows = (replace(each, position_m=each.position_m + aside) for each in shown.actions)
-        return replace(shown, actions=tuple(rows))
-
-    *_, release = choose_anchors([by_handle(each) for each in placed(10, 10)], LEVEL, beyond_objects=True)
-    assert release[0] == Anchor(LID, "o", ((0, PLATE), (1, PLATE), (2, PLATE)))

@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.pipeline.deviation import action_deviations
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.representation.sums import SumsCodec
 from tests.pipeline.asking import parse_reply
 
 from ..gbnf import matches
@@ -53,12 +51,6 @@ def test_pushes_in_all_directions_are_the_same_rows(number):
     assert {codec.actions_text(item) for item in shown} == {ROWS}
 
 
-def test_a_hand_that_turns_with_the_direction_has_its_axes_too():
-    shown = pushes(hand_turns=True)
-    seen_from_the_goal = "+2 0 36 0 0"  # from there it comes: the hand is turned by half
-    assert fitted(shown).actions_text(shown[0]) == ROWS.replace("ow>", "o>").removesuffix("+2 0") + seen_from_the_goal
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_of_half_a_centimeter_hides_no_direction(seed):
     shown = pushes(10, seed=seed, noise_m=0.005, far_m=(0.2, 0.3))
@@ -95,23 +87,3 @@ def test_only_directions_that_demonstrations_have_are_accepted():
     reply = codec.actions_text(shown[0]).replace("B ow>A", "B o>A")
     with pytest.raises(ReplyParseError, match="relative to B o>A, expected one of"):
         parse_reply(f" {reply}\n", codec, shown[0].objects, shown[0].instruction)
-
-
-def test_sums_list_the_steps_along_the_direction():
-    shown, asked = pushes(), pushed((0.05, -0.02), (-0.1, 0.12))
-    codec = SumsCodec.fit((*shown, asked), WORKSPACE)
-    query = Query(asked.instruction, asked.objects)
-    reply = f"{codec.actions_text(asked)}\n"
-    assert "block>goal a" in reply
-    assert matches(codec.grammar(query, 25), reply.strip())
-    for got, meant in zip(parse_reply(reply, codec, query.objects, query.instruction), asked.actions, strict=True):
-        np.testing.assert_allclose(got.position_m, meant.position_m, atol=0.02)
-
-
-def test_a_push_deviates_from_the_others_along_their_direction():
-    asked = pushed((0.05, -0.02), (-0.1, 0.12))
-    aside = replace(asked, actions=(*asked.actions[:2], replace(asked.actions[2], position_m=(0.05, -0.02, 0.71))))
-    for item, off_m in ((asked, 0.0), (aside, (0.1**2 + 0.12**2) ** 0.5 - BEFORE_M)):
-        deviations = action_deviations(item, pushes())
-        assert [each.follows for each in deviations] == ["block toward goal"] * 2 + ["goal toward block"]
-        assert [each.offset_m for each in deviations] == pytest.approx([0.0, 0.0, off_m], abs=1e-9)

@@ -124,22 +124,3 @@ def test_objects_of_unknown_rotation_only_offer_world_axes():
     grammar = grammar_of(codec_for(4, objects=objects, instruction=TWO_CLAUSES), INSTRUCTION)
     assert not matches(grammar, f" {ROW}; {ROW_2}\n")
     assert matches(grammar, f" {ROW.replace(' o:', ' w:')}; {ROW_2}\n")
-
-
-def test_a_rotation_that_only_some_demonstrations_know():
-    def shown(yaw_deg, x, y):  # at an offset that turns with the cup
-        cup = pose("cup", (0.1, 0.2, 0.7), yaw_deg)
-        return demonstration("lift the cup", [cup], [action((0.1 + x, 0.2 + y, 0.8), (180, 0, x))])
-
-    codec = ObjectFrameCodec.fit([shown(90, 0, 0.1), shown(None, 0.1, 0)], WORKSPACE, with_instruction=True)
-    for demonstrated in codec.demonstrations:
-        text = codec.actions_text(demonstrated)
-        assert len(parse_reply(text, codec, demonstrated.objects, "lift the cup")) == 1
-        assert matches(grammar_of(codec, "lift the cup"), f" {text}\n")
-
-
-def test_the_reply_ends_with_its_line():
-    codec = codec_for(2)
-    text = codec.demonstration_text(codec.demonstrations[0])
-    assert [text.count(stop) for stop in codec.stop] == [1]
-    assert text.endswith(codec.stop)

@@ -6,7 +6,7 @@ import pytest
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.prompt import PromptTemplate
-from app.pipeline.representation.parts import PartsCodec, each_named, in_sequence
+from app.pipeline.representation.parts import PartsCodec, in_sequence
 from roboprompt_client.errors import InvalidInputError
 from tests.pipeline.asking import grammar_of, parse_reply
 
@@ -164,74 +164,7 @@ def placed_beside(seed, side, by_m):
     return demonstration(f"{words} of the green block", objects, [*actions, action(on_m)])
 
 
-def test_a_distance_and_a_side_that_were_shown_apart_go_together():
-    shown = [(1, 0.10), (1, 0.18), (-1, 0.10)] * 3
-    codec = PartsCodec.fit([placed_beside(seed, *each) for seed, each in enumerate(shown)], with_instruction=True)
-    right = placed_beside(100, -1, 0.18)
-    assert list(codec.steps(right)) == [
-        *(f"grasp {color} block" for color in COLORS),
-        *(
-            f"release {cm} cm {side} of {block} block"
-            for cm in (10, 18)
-            for side in ("left", "right")
-            for block in COLORS
-        ),
-    ]
-    reply = "1. grasp red block\n2. release 18 cm right of green block"
-    actions = parse_reply(reply, codec, right.objects, right.instruction)
-    for item, expected in zip(actions, right.actions, strict=True):
-        np.testing.assert_allclose(item.position_m, expected.position_m, atol=1e-6)
-
-
-def swapped(seed):
-    """Two cubes change their places by way of a pad; the hand keeps each cube's turn while it carries it."""
-    rng = np.random.default_rng(seed)
-    red_m, blue_m, pad_m = ((*rng.uniform(-0.3, 0.3, 2), 0.8) for _ in range(3))
-    red_deg, blue_deg = rng.uniform(-40, 40, 2)
-    objects = [pose("red cube", red_m, red_deg), pose("blue cube", blue_m, blue_deg), pose("pad", pad_m, 0.0)]
-    carried = [(red_m, pad_m, red_deg), (blue_m, red_m, blue_deg), (pad_m, blue_m, red_deg)]
-    actions = []
-    for start_m, end_m, yaw_deg in carried:
-        for place_m, before, at in ((start_m, True, False), (end_m, False, True)):
-            above_m = np.array(place_m) + np.array([0, 0, HOVER_M])
-            for at_m, is_open in ((above_m, before), (place_m, at), (above_m, at)):
-                actions.append(action(at_m, (180, 0, yaw_deg), gripper_open=is_open))
-    return demonstration("swap the red cube and the blue cube", objects, actions)
-
-
-def test_what_was_put_down_is_grasped_there_and_what_is_held_keeps_its_turn():
-    codec, asked = PartsCodec.fit([swapped(seed) for seed in range(6)], with_instruction=True), swapped(100)
-    reply = codec.actions_text(codec.demonstrations[0])
-    assert reply.splitlines() == [
-        "1. grasp red cube",
-        "2. release pad",
-        "3. grasp blue cube",
-        "4. release where red cube was",
-        "5. grasp red cube",
-        "6. release where blue cube was",
-    ]
-    for item, expected in zip(parse_reply(reply, codec, asked.objects, asked.instruction), asked.actions, strict=True):
-        np.testing.assert_allclose(item.position_m, expected.position_m, atol=1e-6)
-        assert angle_deg(item.quaternion_xyzw, expected.quaternion_xyzw) < 1e-3
-    with pytest.raises(ReplyParseError, match="holds nothing before"):
-        parse_reply("1. release pad", codec, asked.objects, asked.instruction)
-
-
 def test_steps_that_nothing_in_the_text_decides_are_refused():
     sides = [replace(placed_beside(seed, 1 - 2 * (seed % 2), 0.1), instruction="tidy up") for seed in range(8)]
     with pytest.raises(InvalidInputError, match="read alike have different steps"):
         PartsCodec.fit(sides, with_instruction=True)
-
-
-def test_every_object_of_a_kind_is_listed_unless_it_is_there_already():
-    plate, *blocks = scene(100)
-    there = pose("red block", plate.position_m + np.array([0.02, 0, BLOCK_M]), 0.0)
-    objects = (plate, there, *blocks[1:])
-    said = "put the green block, the blue block and the yellow block on the white plate"
-    assert each_named(Query("put every block on the white plate", objects)) == said
-    assert each_named(Query("press each red block", objects)) == "press the red block"
-    assert (
-        each_named(Query("take each red block off the white plate", objects))
-        == "take the red block off the white plate"
-    )
-    assert each_named(Query("put every red block on the white plate", objects)).startswith("put every red block")

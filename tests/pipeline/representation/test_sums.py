@@ -66,14 +66,6 @@ def test_a_difference_that_turns_with_an_object_is_listed_beside_it():
     assert codec.actions_text(OPENINGS[0]).endswith(row)
 
 
-def test_a_step_of_a_tilted_object_has_the_rotation_too():
-    tilted = [opened(0.105, 0, 30), opened(0.155, 40, 20), opened(0.205, -60, 45)]
-    codec = fitted(tilted)
-    one, two = bins(tilted[1].actions)
-    along = [f"{there - here:+d}" for here, there in zip(one[:3], two[:3], strict=True)]
-    assert f" b({' '.join([*along, *map(str, two[3:6])])})" in codec.observation_text(tilted[1])
-
-
 @pytest.mark.parametrize("demonstrations", [PUSHES, OPENINGS])
 def test_replies_like_the_demonstrations_are_read_as_their_actions(demonstrations):
     codec = fitted(demonstrations)
@@ -161,69 +153,10 @@ def test_the_grammar_repeats_the_instruction_as_it_is():
     )
 
 
-def test_what_one_demonstration_shows_of_another_object_is_asked_of_the_one_named():
-    """A step belongs to a role: it is listed beside the object that the instruction names."""
-    top, bottom = (
-        [
-            replace(
-                item,
-                instruction=f"open the {name} drawer",
-                objects=(replace(item.objects[0], name=f"{name} drawer"), pose(f"{other} drawer", (0, 0, 1.2), 0)),
-            )
-            for item in OPENINGS
-        ]
-        for name, other in (("top", "bottom"), ("bottom", "top"))
-    )
-    text = fitted([*top[:2], *bottom[2:]]).observation_text(bottom[0])
-    assert "'bottom drawer': [40,60,40,36] a(+20 +0 +0)" in text
-    assert text.count("a(") == 1
-
-
-def test_rows_at_fixed_places_are_written_as_they_are():
-    at_home = action((0.305, 0.305, 1.305))
-    shown = [replace(item, actions=(*item.actions, at_home), plan=0) for item in OPENINGS]
-    codec = fitted(shown)
-    assert codec.actions_text(shown[0]).endswith("; 3 open world: [60,80,70,36]]")
-    assert matches(codec.grammar(shown[0], 25), codec.actions_text(shown[0]))
-
-
-def test_rows_at_the_start_follow_it():
-    shown = []
-    for k, item in enumerate(OPENINGS):
-        start = action((0.105 + 0.1 * k, -0.305, 1.205 + 0.05 * k))
-        shown.append(replace(item, actions=(*item.actions, start), start=start, plan=0))
-    codec = fitted(shown)
-    assert "'start': [40,19,60,36]" in codec.observation_text(shown[0])
-    assert codec.actions_text(shown[0]).endswith("; 3 open start +0 +0 +0: [40+0=40,19+0=19,60+0=60,36]]")
-
-
 def test_demonstrations_that_say_nothing_new_are_left_out():
     shown = [pushed(COLORS[k % 2], 0.1 + 0.02 * k, 0.2 - 0.03 * k) for k in range(8)]
     prompt = PromptTemplate.write(fitted(shown), shown, "").prefix
     assert prompt.count("\n") == 3
-
-
-def lifted_to_a_height(place):
-    """A cup is taken at several heights and lifted to one height of the world."""
-    cup = pose("cup", (0.105 + 0.04 * place, 0.105, 0.705 + 0.03 * place))
-    x, y, z = cup.position_m
-    grasp = [action((x, y, z), gripper_open=is_open) for is_open in (True, False)]
-    rows = [*grasp, action((x, y, 1.105), gripper_open=False)]
-    return replace(demonstration("lift the cup", [cup], rows), plan=0)
-
-
-def test_a_number_that_follows_the_world_is_written_as_it_is():
-    shown = [lifted_to_a_height(place) for place in range(4)]
-    codec = fitted(shown)
-    lifted = "3 closed cup z=world a +0 +0: [40+0=40,60+0=60,50]"
-    assert lifted in codec.actions_text(shown[0]), codec.demonstration_text(shown[0])
-    asked = Query("lift the cup", (pose("cup", (0.205, 0.205, 0.905)),))
-    grasped = "1 open cup +0 +0 +0: [50+0=50,70+0=70,30+0=30]; 2 closed cup +0 +0 +0: [50+0=50,70+0=70,30+0=30]"
-    reply = f"lift the cup [{grasped}; 3 closed cup z=world a +0 +0: [50+0=50,70+0=70,50]]"
-    assert matches(codec.grammar(asked, 25), reply)
-    np.testing.assert_allclose(
-        parse_reply(reply, codec, asked.objects, asked.instruction)[2].position_m, [0.205, 0.205, 1.105], atol=1e-9
-    )
 
 
 def test_a_place_between_two_objects_is_written_from_the_first():
