@@ -38,9 +38,9 @@ def test_a_known_object_in_another_spelling_is_refused_with_the_right_one():
         (["lid"], "missing: jar"),
         ([], "missing: lid, jar"),
         (["lid", "jar", "cup", "pan"], "not of this task: cup, pan"),
-        (["lid", "lid", "jar"], "given twice: lid"),
+        (["lid", "lid", "jar"], "given twice: lid (name them 'lid 1', 'lid 2')"),
         (["lid", "Jar"], "missing: jar; not of this task: Jar (here: jar)"),
-        (["cup", "cup", "lid"], "missing: jar; not of this task: cup; given twice: cup"),
+        (["cup", "cup", "lid"], "missing: jar; not of this task: cup; given twice: cup (name them 'cup 1', 'cup 2')"),
     ],
 )
 def test_another_set_of_objects_is_refused_by_its_differences(given, message):
