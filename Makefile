@@ -55,7 +55,7 @@ test: dev
 # What takes long and fails seldom: hostile requests and files, trouble and crashes, several workers and LLM processes, everyday objects
 # in pictures, files of models, benchmarks, container and supply chain checks. The longest files first, so that none is left at the end.
 ROBUSTNESS := tests/perception/registered/test_find.py tests/llm/test_one_answer.py \
-	tests/llm/test_embedded.py tests/llm/test_anthropic.py client/tests/test_filming.py tests/sim/test_cameras.py \
+	tests/llm/test_embedded.py tests/llm/test_anthropic.py tests/sim/test_cameras.py \
 	tests/evaluation/test_composition.py tests/test_wheels.py tests/evaluation/test_vision.py tests/evaluation/test_sweep_run.py \
 	tests/e2e/test_workers.py tests/llm/test_add_weights.py tests/llm/test_weights.py tests/llm/test_vocabulary.py \
 	tests/e2e/test_labels.py tests/perception/registered/test_learn.py \

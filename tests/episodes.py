@@ -3,7 +3,6 @@
 import io
 import json
 from itertools import pairwise
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -113,10 +112,3 @@ def film_npz(times_s, pictures=None, **changed):
     jpegs = np.frombuffer(b"".join(pictures), np.uint8)
     named = {"timestamps": np.array(times_s, float), "sizes": np.array([*map(len, pictures)], int), "jpegs": jpegs}
     return npz(**{name: array for name, array in {**named, **changed}.items() if array is not None})
-
-
-def ur5e(**changed):
-    """The setting `arm` of a UR5e."""
-    text = (Path(__file__).parent.parent / "client" / "tests" / "ur5e.urdf").read_text()
-    ready = [0.0, -1.6, 1.6, -1.6, -1.6, 0.0]
-    return {"frame": "tool0", "base": "base", "urdf": text, "ready": ready, **changed}

@@ -31,6 +31,11 @@ def test_example_files_are_the_documented_examples():
         assert kept == json.loads(json.dumps(getattr(examples, name)))
 
 
+@pytest.mark.parametrize("path", sorted((ROOT / "docs/examples").glob("*.py")), ids=lambda path: path.stem)
+def test_example_programs_are_python(path):
+    compile(path.read_text(), path, "exec")
+
+
 def test_no_package_registry_in_the_repository():
     locks = (
         "client/tests/libfranka/requirements.txt",

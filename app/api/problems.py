@@ -27,7 +27,6 @@ from app.pipeline.errors import (
     UnsupportedActionError,
 )
 from app.services.errors import NoDemonstrationsError, RefusedReplyError
-from app.services.setting_parts import KINDS_OF_ARM
 from app.store.errors import (
     ConflictError,
     CorruptDataError,
@@ -235,8 +234,7 @@ def _refusal(item: Mapping[str, Any], location: Sequence[str | int]) -> InvalidI
     context = item.get("ctx", {})
     if isinstance(own := context.get("error"), InvalidInputError):
         return own
-    parts = [part for part in location if part not in KINDS_OF_ARM]  # names of kinds are no fields
-    field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).lstrip(".") or "body"
+    field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".") or "body"
     if item["type"] in _MESSAGES:
         return InvalidInputError(field, *_MESSAGES[item["type"]])
     text = item["msg"].removeprefix("Value error, ")

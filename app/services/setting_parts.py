@@ -1,21 +1,17 @@
-"""Parts of a task's settings: where actions may lie, how keyframes are found, what the hand keeps out of, the arm."""
+"""Parts of a task's settings: where actions may lie, how keyframes are found, what the hand keeps out of."""
 
 from functools import lru_cache
-from typing import Annotated, Literal, Self, get_args
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from app.perception.object_model import Meters, Number
 from app.pipeline.keyframes import SIMULATION_DELTA_RAD_S, KeyframeRule, RuleName
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M, Workspace
-from roboprompt_client.arms.named import ArmModel
-from roboprompt_client.arms.urdf import MAX_CHARS, UrdfGeometry
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import HAND_RADIUS_M
 from roboprompt_client.types.arrays import MAX_M
-from roboprompt_client.types.trajectory import MAX_JOINTS
 
 
 def _no_truth_value(value: object) -> object:
@@ -108,57 +104,6 @@ class KeepOutBox(_Settings):
         if any(low >= high for low, high in zip(self.min, self.max, strict=True)):
             raise ValueError(f"min {list(self.min)} is not below max {list(self.max)} on every axis")
         return self
-
-
-KINDS_OF_ARM = NAMED_ARM, OWN_ARM = "<named arm>", "<own arm>"  # no name of an object or task has these characters
-
-
-class UrdfArm(_Settings):
-    """An arm by its URDF, of which the joints from `base` to `frame` are kept."""
-
-    frame: Annotated[str, Field(max_length=100, description="link whose pose recordings and actions have")]
-    base: Annotated[
-        str | None,
-        Field(max_length=100, description="link in whose frame robots of this kind report poses; null: the outermost"),
-    ] = None
-    urdf: Annotated[str, Field(max_length=MAX_CHARS, description="the text of the file; meshes are not needed")]
-    ready: Annotated[
-        tuple[Number, ...], Field(max_length=MAX_JOINTS, description="joints in rad from which predictions are played")
-    ]
-
-    @model_validator(mode="after")
-    def _only_what_is_used(self) -> Self:
-        return self.model_copy(update={"urdf": self.geometry().urdf})
-
-    def geometry(self) -> UrdfGeometry:
-        """Return the arm's kinematics; raises InvalidInputError, naming the member."""
-        return _by_urdf(self.urdf, self.frame, self.base, self.ready)
-
-
-def _kind_of_arm(value: object) -> str:
-    return OWN_ARM if isinstance(value, dict | UrdfArm) else NAMED_ARM
-
-
-def _known_arm(value: object) -> object:
-    if _kind_of_arm(value) == NAMED_ARM and value not in get_args(ArmModel):
-        valid = f"{', '.join(get_args(ArmModel))}, null, or an object with urdf, frame and ready"
-        raise InvalidInputError("arm", f"is {value!r:.40}", valid)
-    return value
-
-
-Arm = Annotated[
-    Annotated[ArmModel, Tag(NAMED_ARM)] | Annotated[UrdfArm, Tag(OWN_ARM)],
-    Discriminator(_kind_of_arm),
-    BeforeValidator(_known_arm),
-]
-
-
-@lru_cache(64)
-def _by_urdf(urdf: str, frame: str, base: str | None, ready_rad: tuple[float, ...]) -> UrdfGeometry:
-    try:
-        return UrdfGeometry(urdf, frame, base, np.array(ready_rad))
-    except InvalidInputError as error:
-        raise InvalidInputError(f"arm.{error.field}", error.message, error.valid) from error
 
 
 @lru_cache(256)  # a prediction asks for its task's several times

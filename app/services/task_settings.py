@@ -31,11 +31,9 @@ from app.pipeline.prompt import MAX_SYSTEM_PROMPT_CHARS
 from app.pipeline.representation.base import check_style
 from app.pipeline.workspace import Workspace
 from app.services.setting_parts import (
-    Arm,
     KeyframeSettings,
     MotionLimitsSettings,
     Point,
-    UrdfArm,
     WorkspaceSettings,
 )
 from app.store import episodes, tasks
@@ -43,7 +41,7 @@ from app.store.records import ExtractionKeys, TaskRecord
 from app.store.values import JsonObject
 from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.geometry import Chain
-from roboprompt_client.arms.named import named_geometry
+from roboprompt_client.arms.named import ArmModel, named_geometry
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.types.arrays import Array
@@ -156,10 +154,10 @@ class TaskSettings(BaseModel):
         ),
     ] = 0.0
     arm: Annotated[
-        Arm | None,
+        ArmModel | None,
         Field(
-            description="the robot by its name (a Franka with a Franka Hand, a UR with a Robotiq 2F-85) or by its"
-            " URDF: pages draw it, and paths are checked for what its joints reach; null: not known"
+            description="the robot (a Franka with a Franka Hand, a UR with a Robotiq 2F-85): pages draw it, and paths"
+            " are checked for what its joints reach; null: not known"
         ),
     ] = None
     gripper_symmetry_deg: Annotated[
@@ -218,13 +216,7 @@ class TaskSettings(BaseModel):
 
     def geometry(self) -> Chain | None:
         """Return the kinematics of the arm, if it is known."""
-        match self.arm:
-            case None:
-                return None
-            case UrdfArm():
-                return self.arm.geometry()
-            case _:
-                return named_geometry(self.arm)
+        return None if self.arm is None else named_geometry(self.arm)
 
     def base(self) -> Calibration:
         """Return the pose of the robot's base."""

@@ -27,13 +27,11 @@ from roboprompt_client.errors import (
     UnsafeActionError,
 )
 from roboprompt_client.motion.limits import Box, MotionLimits
-from roboprompt_client.recording.recorder import Recorder
+from roboprompt_client.recording import Recorder
 from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.runs.look_again import Leading
 from roboprompt_client.runs.loop import RunOptions, run_task
 from roboprompt_client.runs.plans import run_plan
 from roboprompt_client.types.camera import Camera, RgbdFrame
-from roboprompt_client.types.film import Film
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
 from roboprompt_client.types.trajectory import Trajectory
 
@@ -43,10 +41,8 @@ __all__ = [
     "Camera",
     "DangerError",
     "EndEffectorAction",
-    "Film",
     "InvalidAnswerError",
     "InvalidInputError",
-    "Leading",
     "MotionError",
     "MotionLimits",
     "NotConfirmedError",

@@ -4,10 +4,9 @@
      "base_to_world": {"position": [0, 0, 0.6], "quaternion_xyzw": [0, 0, 0, 1]},
      "limits": {"workspace": {"min": [0.2, -0.4, 0.6], "max": [0.7, 0.4, 1.2]}},
      "objects": "objects.json", "tolerance": {"position_m": 0.005, "max_contact_force_n": 30}, "open_width_m": 0.08,
-     "reach_m": 0.85, "urdf": {"file": "arm.urdf", "frame": "tool0"},
+     "reach_m": 0.85,
      "cameras": [{"name": "front", "driver": "realsense", "options": {"serial": ".."}, "camera_to_world": [[...], ...]},
                  {"name": "wrist", "driver": "my_cell:make_camera", "camera_to_hand": null}],
-     "viewpoints": [{"position": [0.4, 0, 1.1], "quaternion_xyzw": [1, 0, 0, 0]}],
      "table": {"position": [0.3, 0, 0.75], "normal": [0, 0, 1]}}
 
 Only `arm` is needed; it may also be MODULE:FACTORY, a callable that returns a Robot or a driver for `Arm`. A camera has
@@ -15,6 +14,7 @@ Only `arm` is needed; it may also be MODULE:FACTORY, a callable that returns a R
 right, y down, z forward), null until `roboprompt-robot calibrate` has found it.
 """
 
+import importlib
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -26,44 +26,33 @@ from typing import Any
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Calibration, Driver
 from roboprompt_client.arms.safety import Tolerance
-from roboprompt_client.arms.urdf import UrdfGeometry
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.cameras.table import Table
 from roboprompt_client.errors import CameraError, InvalidInputError
-from roboprompt_client.extras import make_driver
 from roboprompt_client.motion.limits import MotionLimits, checked_bound
 from roboprompt_client.robot import Robot, observation_from_file
 from roboprompt_client.types.camera import checked_camera_pose
 from roboprompt_client.types.names import checked_name
-from roboprompt_client.types.poses import Pose
 from roboprompt_client.types.trajectory import MAX_GRIPPER_WIDTH_M
 
-ARMS = {
-    "franka": "roboprompt_client.arms.franka:Franka",
-    "ur": "roboprompt_client.arms.ur:UR",
-    "xarm": "roboprompt_client.arms.xarm:XArm",
-    "ros": "roboprompt_client.arms.ros:Ros",
-}
+ARMS = {"franka": "roboprompt_client.arms.franka:Franka", "ur": "roboprompt_client.arms.ur:UR"}
 CAMERAS = {
     "realsense": "roboprompt_client.cameras.realsense:RealSense",
-    "opencv": "roboprompt_client.cameras.opencv:UsbCamera",
-    "files": "roboprompt_client.cameras.opencv:FrameFolder",
+    "files": "roboprompt_client.cameras.files:FrameFolder",
 }
-OF_ARM = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", "open_width_m", "reach_m", "urdf")
-CELL_FIELDS = (*OF_ARM, "cameras", "viewpoints", "table")
+MOST_M = {"open_width_m": MAX_GRIPPER_WIDTH_M, "reach_m": 10.0}  # larger numbers are no meters
+OF_ARM = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", *MOST_M)
+CELL_FIELDS = (*OF_ARM, "cameras", "table")
 MOUNTS = ("camera_to_world", "camera_to_hand")
 CAMERA_FIELDS = ("name", "driver", "options", *MOUNTS)
 ONE_CAMERA = '{"name": "front", "driver": "realsense", "camera_to_world": null}'
-ONE_VIEWPOINT = '{"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}'
-MAX_VIEWPOINTS = 8
-MOST_M = {"open_width_m": MAX_GRIPPER_WIDTH_M, "reach_m": 10.0}  # larger numbers are no meters
 
 
 def open_robot(name: str, *, cameras: bool = True) -> Robot:
     """Return the robot of MODULE:FACTORY or of a cell's file.
 
     Args:
-        cameras: whether to open the cell's cameras, too; without them its arm does not go to viewpoints, either.
+        cameras: whether to open the cell's cameras, too.
 
     Raises:
         InvalidInputError: if the factory does not exist, or the file is invalid.
@@ -94,13 +83,13 @@ def closing_robot(robot: Robot) -> Iterator[Robot]:
 def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None, opened: ExitStack) -> Robot:
     """Return the robot; `opened` closes its driver if the arm then cannot be used."""
     how: dict[str, Any] = {
-        "calibration": Calibration.from_json(cell) if "base_to_world" in cell else None,
-        "limits": MotionLimits.from_file(cell["limits"]) if "limits" in cell else None,
         "tolerance": _tolerance(cell.get("tolerance", {})),
-        "geometry": _geometry(folder, cell["urdf"]) if "urdf" in cell else None,
-        "viewpoints": viewpoints_from_json(cell.get("viewpoints", [])),
         **{name: checked_bound(name, cell[name], most_m) for name, most_m in MOST_M.items() if name in cell},
     }
+    if "base_to_world" in cell:
+        how["calibration"] = Calibration.from_json(cell)
+    if "limits" in cell:
+        how["limits"] = MotionLimits.from_file(cell["limits"])
     if "objects" in cell:
         if not isinstance(cell["objects"], str):
             raise InvalidInputError("objects", f"is {cell['objects']!r:.80}", "the name of a JSON file")
@@ -117,6 +106,36 @@ def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None, opened: ExitS
     _require_members("arm", made, Robot)
     robot: Robot = made
     return robot
+
+
+def make_driver(field: str, name: str, known: Mapping[str, str], options: object) -> Any:  # noqa: ANN401
+    """Return the driver that a factory makes.
+
+    Args:
+        field: the field that an error names, e.g. ``arm`` or ``cameras[front].driver``.
+        name: one of `known`, or MODULE:FACTORY.
+        known: MODULE:FACTORY by name.
+        options: the factory's arguments by name.
+
+    Raises:
+        InvalidInputError: if the factory does not exist, or does not take these options.
+    """
+    module, colon, factory = known.get(name, name).partition(":")
+    valid = ", ".join([*known, "MODULE:FACTORY"])
+    if not colon:
+        raise InvalidInputError(field, f"is {name!r:.80}", valid)
+    try:
+        make = getattr(importlib.import_module(module), factory)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise InvalidInputError(field, f"{name!r:.80} cannot be imported: {error}", valid) from error
+    within, dot, _ = field.rpartition(".")
+    options_field = f"{within}{dot}options"
+    if not isinstance(options, Mapping):
+        raise InvalidInputError(options_field, f"are {options!r:.80}", "an object")
+    try:
+        return make(**options)
+    except TypeError as error:
+        raise InvalidInputError(options_field, f"do not fit {name}: {error}") from error
 
 
 def _require_members(field: str, made: object, protocol: type) -> None:
@@ -152,12 +171,6 @@ def _tolerance(document: object) -> Tolerance:
     if not isinstance(document, Mapping) or not set(document) <= set(known):
         raise InvalidInputError("tolerance", f"is {document!r:.80}", f"an object with {', '.join(known)}")
     return Tolerance(**document)
-
-
-def _geometry(folder: Path, document: object) -> UrdfGeometry:
-    if not isinstance(document, Mapping) or not {"file", "frame"} == set(document):
-        raise InvalidInputError("urdf", f"is {document!r:.80}", '{"file": "arm.urdf", "frame": "tool0"}')
-    return UrdfGeometry.read(folder / str(document["file"]), str(document["frame"]))
 
 
 def rig_from_json(document: object, folder: Path, table: object = None) -> Rig:
@@ -200,17 +213,3 @@ def _camera(k: int, document: object, folder: Path) -> MountedCamera:
     except CameraError as error:
         raise error.of(name) from error
     return MountedCamera(name, driver, mount == "camera_to_hand", pose)
-
-
-def viewpoints_from_json(document: object) -> tuple[Pose, ...]:
-    """Return poses of the hand in the world frame; raises InvalidInputError if the document is malformed."""
-    if not isinstance(document, list) or len(document) > MAX_VIEWPOINTS:
-        raise InvalidInputError("viewpoints", f"are {document!r:.80}", f"at most {MAX_VIEWPOINTS} of {ONE_VIEWPOINT}")
-    found = []
-    for k, item in enumerate(document):
-        try:
-            pose = Calibration.from_json({"base_to_world": item})
-        except InvalidInputError as error:
-            raise InvalidInputError(f"viewpoints[{k}]", error.message, ONE_VIEWPOINT) from error
-        found.append(Pose(pose.position_m, pose.quaternion_xyzw))
-    return tuple(found)

@@ -14,20 +14,19 @@ from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.commands.calibrate import add_calibrate
 from roboprompt_client.commands.check import add_check
-from roboprompt_client.commands.init import run_init
 from roboprompt_client.commands.look import add_look
 from roboprompt_client.commands.record import add_record, offer_correction
 from roboprompt_client.commands.shared import (
     ROBOT,
     SEEN,
     Command,
+    Person,
     add_find,
-    asking_robot,
     find_in_pictures,
+    recovered,
     require_same_base,
     task_document,
 )
-from roboprompt_client.commands.terminal import Person, recovered
 from roboprompt_client.errors import InvalidInputError, RoboPromptError, ServiceProblemError
 from roboprompt_client.http import KEY_VARIABLE
 from roboprompt_client.motion.limits import MotionLimits
@@ -88,12 +87,8 @@ def _parser() -> ArgumentParser:
     _add_run(add("run", "observe the scene, ask for actions, and carry them out with an arm", _run))
     what = "acknowledge an arm's errors, so that it may move again, once somebody has looked at it"
     add("recover", what, _recover).add_argument("--robot", required=True, metavar="ROBOT", help=ROBOT)
-    init = add("init", "write a cell's file from your answers and the arm's measurements", run_init)
-    init.add_argument("file", type=Path, metavar="FILE", help="such as cell.json")
-    add_record(add)
-    add_check(add)
-    add_look(add)
-    add_calibrate(add)
+    for add_command in (add_record, add_check, add_look, add_calibrate):
+        add_command(add)
     return parser
 
 
@@ -140,7 +135,7 @@ def _predict(client: RoboPromptClient, arguments: Namespace) -> int:
 
 def _seen(client: RoboPromptClient, arguments: Namespace) -> Observation:
     """Return what a robot sees now."""
-    with asking_robot(arguments.robot) as robot:
+    with closing_robot(open_robot(arguments.robot)) as robot:
         find_in_pictures(robot, client, arguments.task, arguments.find)
         return robot.observe()
 
@@ -148,29 +143,35 @@ def _seen(client: RoboPromptClient, arguments: Namespace) -> Observation:
 def _run(client: RoboPromptClient, arguments: Namespace) -> int:
     client.ping()
     pinned = _pinned(arguments)
-    with asking_robot(arguments.robot, asks=not arguments.yes) as robot:
+    with closing_robot(open_robot(arguments.robot)) as robot:
         return _run_with(client, robot, pinned, arguments)
 
 
 def _run_with(client: RoboPromptClient, robot: Robot, pinned: MotionLimits | None, arguments: Namespace) -> int:
     person = Person(robot, client.url.rstrip("/"))
     find_in_pictures(robot, client, arguments.task, arguments.find)
-    if arguments.task is not None:
-        require_same_base(robot, arguments.task, task_document(client, arguments.task))
-    what = (client, robot, arguments.task, arguments.instruction)
     # A termination leaves through `run_task`, which stops the arm.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     how: dict[str, Any] = {"pinned": pinned, "look_again": arguments.look_again}
     how |= {"on_danger": person.allow_danger, "preview": person.preview}
     if not arguments.yes:
         how["confirm"] = person.confirm if arguments.confirm else person.confirm_plan
-    if arguments.task is not None:
-        predicted = run_task(*what, on_outcome=person.outcome, **how)
-        _print_json(predicted.response)
-        if person.said is None or person.said.success:
-            return 0
-        offer_correction(client, robot, arguments.task, arguments.instruction, predicted.id)
-        return 1
+    if arguments.task is None:
+        return _run_steps(client, robot, person, arguments, how)
+    task, instruction = arguments.task, arguments.instruction
+    require_same_base(robot, task, task_document(client, task))
+    predicted = run_task(client, robot, task, instruction, on_outcome=person.outcome, **how)
+    _print_json(predicted.response)
+    if person.said is None or person.said.success:
+        return 0
+    offer_correction(client, robot, task, instruction, predicted.id)
+    return 1
+
+
+def _run_steps(
+    client: RoboPromptClient, robot: Robot, person: Person, arguments: Namespace, how: dict[str, Any]
+) -> int:
+    """Carry out a sentence over several tasks."""
 
     def confirm_steps(steps: Sequence[PlannedStep]) -> bool:
         for task in dict.fromkeys(step.task for step in steps):

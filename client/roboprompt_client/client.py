@@ -13,7 +13,6 @@ from roboprompt_client.http import Request, ask, http_options, read_ping, requir
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame
-from roboprompt_client.types.film import Film
 from roboprompt_client.types.poses import ObjectPose, object_from_json, object_json
 from roboprompt_client.types.trajectory import Trajectory
 
@@ -157,7 +156,6 @@ class RoboPromptClient:
         control_frequency_hz: float = 20.0,
         extra: Mapping[str, Any] | None = None,
         prediction_id: str | None = None,
-        films: Iterable[Film] = (),
         corrects: str | None = None,
     ) -> dict[str, Any]:
         """Store a demonstration; return the service's description of it.
@@ -165,12 +163,11 @@ class RoboPromptClient:
         Args:
             observation: what the robot saw at the first frame.
             prediction_id: of the prediction that the robot carried out successfully in this episode.
-            films: what cameras took during the motion, such as `Recorder.films`.
             corrects: id of the prediction that failed, and in whose scene the episode shows how it is done.
         """
         known = {"prediction_id": prediction_id, "corrects": corrects, "extra": dict(extra or {})}
         metadata = {"task": task, "instruction": instruction, "control_frequency_hz": control_frequency_hz, **known}
-        return self.upload_parts(episode_parts(metadata, trajectory, observation, films), uuid4().hex)
+        return self.upload_parts(episode_parts(metadata, trajectory, observation), uuid4().hex)
 
     def upload_parts(self, parts: Mapping[str, Part], idempotency_key: str) -> dict[str, Any]:
         """Store a demonstration that is already encoded as the parts of `POST /episodes`.

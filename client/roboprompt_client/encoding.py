@@ -2,8 +2,7 @@
 
 import io
 import json
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from typing import Any
 
@@ -13,15 +12,16 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.http import Request, ask
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame, camera_json
-from roboprompt_client.types.film import MAX_PICTURE_PIXELS, Film, npz_from_film
 from roboprompt_client.types.poses import object_json
 from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory
 
 Part = tuple[str, bytes, str]
+BYTES = "application/octet-stream"
+CONTENT_TYPES = {".json": "application/json", ".jpg": "image/jpeg", ".png": "image/png", ".npy": BYTES, ".npz": BYTES}
 LEARNING_TIMEOUT_S = 600.0
 LONGEST_S = 600.0  # that the service gives a model where a request names no deadline
 MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
-JPEG_QUALITY, FILM_QUALITY = 95, 85
+JPEG_QUALITY = 95
 _MAX_DEPTH_UNITS = np.iinfo(np.uint16).max
 
 
@@ -30,20 +30,17 @@ def request_parts(metadata: Mapping[str, Any], frames: Sequence[RgbdFrame]) -> d
 
     Images travel as JPEG and 16-bit PNG where OpenCV is installed (extra `images`), else as `.npy`.
     """
-    encoded = _compressed if find_spec("cv2") else npy_part
+    encoded = _compressed if find_spec("cv2") else _npy_part
     parts: dict[str, Part] = {"metadata": ("metadata.json", json.dumps(metadata).encode(), "application/json")}
     for frame in frames:
-        parts |= {name: encoded(name, image, frame) for name, image in images_of(frame)}
+        parts |= {name: encoded(name, image, frame) for name, image in _images_of(frame)}
     return parts
 
 
-def episode_parts(
-    metadata: Mapping[str, Any], trajectory: Trajectory, observation: Observation, films: Iterable[Film]
-) -> dict[str, Part]:
+def episode_parts(metadata: Mapping[str, Any], trajectory: Trajectory, observation: Observation) -> dict[str, Part]:
     """Return the multipart files of `POST /episodes`; the observation's objects and cameras are added to `metadata`."""
     parts = request_parts({**metadata, **scene_json(observation)}, observation.frames)
-    parts["trajectory"] = npz_part("trajectory", npz_from_trajectory(trajectory))
-    return parts | {film.field: npz_part(film.field, npz_from_film(film)) for film in films}
+    return {**parts, "trajectory": ("trajectory.npz", npz_from_trajectory(trajectory), BYTES)}
 
 
 def posted(path: str, document: Mapping[str, Any], frames: Sequence[RgbdFrame] = ()) -> Request[dict[str, Any]]:
@@ -69,44 +66,29 @@ def prediction_request(
     return ask("POST", "/predict", timeout=wait_s, **body)
 
 
-def images_of(frame: RgbdFrame) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
+def _images_of(frame: RgbdFrame) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
     """Yield the frame's images with the names of their parts, such as `rgb_front`."""
     for kind, image in (("rgb", frame.rgb), ("depth", frame.depth_m), ("mask", frame.mask)):
         if image is not None:
             yield f"{kind}_{frame.camera.name}", image
 
 
-def npy_part(name: str, image: np.ndarray[Any, Any], _: RgbdFrame) -> Part:
+def _npy_part(name: str, image: np.ndarray[Any, Any], _: RgbdFrame) -> Part:
     """Return an image as a `.npy` file."""
     stream = io.BytesIO()
     np.save(stream, image, allow_pickle=False)
-    return f"{name}.npy", stream.getvalue(), "application/octet-stream"
-
-
-def npz_part(name: str, data: bytes) -> Part:
-    """Return a `.npz` file, such as a trajectory's."""
-    return f"{name}.npz", data, "application/octet-stream"
+    return f"{name}.npy", stream.getvalue(), BYTES
 
 
 def _compressed(name: str, image: np.ndarray[Any, Any], frame: RgbdFrame) -> Part:
     import cv2
 
     if image is frame.rgb:
-        return f"{name}.jpg", jpeg(cv2, image), "image/jpeg"
+        quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+        return f"{name}.jpg", cv2.imencode(".jpg", image[..., ::-1], quality)[1].tobytes(), "image/jpeg"
     if image is frame.depth_m:
         image = np.minimum(np.rint(image / frame.camera.depth_scale), _MAX_DEPTH_UNITS)
     return f"{name}.png", cv2.imencode(".png", image.astype(np.uint16))[1].tobytes(), "image/png"
-
-
-def film_jpeg(cv2: Any, rgb: np.ndarray[Any, Any]) -> bytes:  # noqa: ANN401
-    """Return a picture of a film: of a large image every second row and column, or fewer."""
-    step = math.ceil(math.sqrt(rgb[..., 0].size / MAX_PICTURE_PIXELS))
-    return jpeg(cv2, rgb[::step, ::step], FILM_QUALITY)
-
-
-def jpeg(cv2: Any, rgb: np.ndarray[Any, Any], quality: int = JPEG_QUALITY) -> bytes:  # noqa: ANN401
-    """Return an image (H, W, 3) of uint8, red first, as a JPEG file."""
-    return bytes(cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
 
 
 def scene_json(observation: Observation) -> dict[str, Any]:

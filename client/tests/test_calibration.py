@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 from arms import type_command
-from makers import Body, open_xarm
+from makers import Body, Plain
 
 pytest.importorskip("cv2", reason="the extra `calibrate` is not installed")
 pytest.importorskip("scipy", reason="the extra `calibrate` is not installed")
@@ -16,8 +16,7 @@ import cv2
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.cameras.board import CharucoBoard
 from roboprompt_client.cameras.calibration import Sighting, fit_cameras
-from roboprompt_client.cameras.picture import Intrinsics, Picture
-from roboprompt_client.cameras.rig import MountedCamera, Rig
+from roboprompt_client.cameras.rig import Intrinsics, MountedCamera, Picture, Rig
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.types.poses import Pose
@@ -141,9 +140,9 @@ def cell(tmp_path, monkeypatch):
     """A cell's file with cameras whose poses are not known, and the arm that it opens."""
     camera = {"driver": "my_cell:camera"}
     cameras = [{"name": name, **camera, "camera_to_world": None} for name in FIXED]
-    document = {"arm": "xarm", "cameras": [*cameras, {"name": "wrist", **camera, "camera_to_hand": None}]}
+    document = {"arm": "franka", "cameras": [*cameras, {"name": "wrist", **camera, "camera_to_hand": None}]}
     (tmp_path / "cell.json").write_text(json.dumps(document))
-    arm = Arm(open_xarm(Body(), monkeypatch), limits=MotionLimits(Box((0.1, -0.5, 0.1), (0.9, 0.5, 0.8))))
+    arm = Arm(Plain(Body()), limits=MotionLimits(Box((0.1, -0.5, 0.1), (0.9, 0.5, 0.8))))
     start = next(hands(1, tilt_deg=0.0))
     arm.go_to(Pose(tuple(start[:3, 3]), (1.0, 0.0, 0.0, 0.0)))
     world = {name: Sees(arm, lambda hand, at=at: np.linalg.inv(at) @ hand @ HELD) for name, at in FIXED.items()}

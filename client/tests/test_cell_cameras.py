@@ -1,4 +1,4 @@
-"""The cell's cameras: drivers, what is wrong with a picture, poses, viewpoints."""
+"""The cell's cameras: drivers, what is wrong with a picture, poses."""
 
 import json
 import time
@@ -6,18 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from makers import Body, open_xarm
+from makers import Body, Plain
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.cameras.picture import Intrinsics, Picture
-from roboprompt_client.cameras.rig import MountedCamera, Rig
+from roboprompt_client.cameras.rig import Intrinsics, MountedCamera, Picture, Rig
 from roboprompt_client.cameras.table import Table
-from roboprompt_client.cell import open_robot, rig_from_json, viewpoints_from_json
-from roboprompt_client.errors import CameraError, InvalidInputError, NotConfirmedError, UnsafeActionError
+from roboprompt_client.cell import open_robot, rig_from_json
+from roboprompt_client.errors import CameraError, InvalidInputError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import checked_camera_pose
-from roboprompt_client.types.poses import Pose
 
 cv2 = pytest.importorskip("cv2", reason="the extra `images` is not installed")
 K = Intrinsics(60.0, 60.0, 31.5, 23.5, 64, 48)
@@ -124,7 +122,7 @@ def test_recorded_frames_are_read_in_their_order(folder):
 
 def test_a_live_folder_gives_no_old_frame(folder, monkeypatch):
     write_frame(folder, "0001", 10)
-    monkeypatch.setattr("roboprompt_client.cameras.opencv.MAX_WAIT_S", 0.2)
+    monkeypatch.setattr("roboprompt_client.cameras.files.MAX_WAIT_S", 0.2)
     cameras = rig_from_json(cell(), folder.parent)
     time.sleep(0.05)
     with pytest.raises(CameraError, match="'front': no frame came into"):
@@ -143,7 +141,6 @@ def test_a_live_folder_gives_no_old_frame(folder, monkeypatch):
         ({"options": {"folder": "nowhere"}}, "folder"),
         ({"camera_to_world": [[1, 0], [0, 1]]}, r"cameras\[front\].camera_to_world"),
         ({"camera_to_world": (MOUNT @ np.diag([1, 1, -1, 1])).tolist()}, r"cameras\[front\].camera_to_world"),
-        ({"driver": "opencv", "options": {"device": 0, "intrinsics": {"fx": 1}}}, "intrinsics"),
     ],
 )
 def test_what_a_cell_s_cameras_cannot_be_is_refused_by_field(folder, changes, field):
@@ -161,33 +158,11 @@ def test_a_pose_in_millimeters_is_refused_as_one():
         checked_camera_pose("camera_to_world", MOUNT * np.array([[1, 1, 1, 1000.0]] * 3 + [[1, 1, 1, 1]]))
 
 
-def test_a_color_camera_that_opencv_opens(tmp_path):
-    """From a film, which OpenCV opens as it does a camera."""
-    film = tmp_path / "film.avi"
-    writer = cv2.VideoWriter(str(film), cv2.VideoWriter_fourcc(*"MJPG"), 30, (64, 48))
-    for k in range(40):
-        writer.write(np.full((48, 64, 3), (200 + k, 50, 10), np.uint8))  # blue first
-    writer.release()
-    options = {"device": str(film), "intrinsics": K_JSON}
-    cameras = rig_from_json(cell(driver="opencv", options=options), tmp_path)
-    (frame,) = cameras.frames()
-    assert frame.depth_m is None
-    np.testing.assert_allclose(frame.rgb.mean(axis=(0, 1)), (10, 50, 235), atol=6)
-    with pytest.raises(CameraError, match="camera 'front': sends no frame"):
-        look_often(cameras, 3)
-    cameras.close()
-    with pytest.raises(CameraError, match="camera 'front': '/nowhere' cannot be opened"):
-        rig_from_json(cell(driver="opencv", options={**options, "device": "/nowhere"}), tmp_path)
-
-
-VIEWPOINTS = (Pose((0.35, 0.05, 0.3), (1.0, 0, 0, 0)), Pose((0.3, -0.05, 0.35), (1.0, 0, 0, 0)))
-
-
 @pytest.fixture
-def arm(monkeypatch):
+def arm():
     cameras = Rig([MountedCamera("wrist", Sensor(), True, MOUNT), MountedCamera("front", Sensor(), False, MOUNT)])
     limits = MotionLimits(Box((-1.0, -1.0, 0.1), (1.0, 1.0, 2.0)), hand_radius_m=0.0)
-    return Arm(open_xarm(Body(), monkeypatch), cameras=cameras, limits=limits)
+    return Arm(Plain(Body()), cameras=cameras, limits=limits)
 
 
 def test_a_camera_in_the_hand_has_the_hand_s_pose(arm):
@@ -196,37 +171,12 @@ def test_a_camera_in_the_hand_has_the_hand_s_pose(arm):
     np.testing.assert_array_equal(frames["front"].camera.camera_to_world, MOUNT)
 
 
-def test_the_masks_of_a_detector_of_one_s_own_come_with_the_cameras_pictures(monkeypatch):
+def test_the_masks_of_a_detector_of_one_s_own_come_with_the_cameras_pictures():
     masked = Observation(to_find="mug", mask_ids={"mug": [1]})
     cameras = Rig([MountedCamera("front", Sensor(), False, MOUNT)])
-    arm = Arm(open_xarm(Body(), monkeypatch), observe_scene=lambda: masked, cameras=cameras)
+    arm = Arm(Plain(Body()), observe_scene=lambda: masked, cameras=cameras)
     seen = arm.observe()
     assert (seen.to_find, seen.mask_ids, len(seen.frames)) == (("mug",), {"mug": [1]}, 1)
-
-
-def test_the_hand_goes_to_each_viewpoint_and_keeps_its_grip(arm):
-    arm.viewpoints, asked = VIEWPOINTS, []
-    arm.confirm_viewpoint = lambda number, pose: asked.append(number) or True
-    width_m = arm.state().gripper_width_m
-    seen = arm.observe()
-    assert asked == [1, 2]
-    assert [frame.camera.name for frame in seen.frames] == ["front", "wrist.1", "wrist.2"]
-    for pose, frame in zip(VIEWPOINTS, seen.frames[1:], strict=True):
-        hand_m = frame.camera.camera_to_world @ np.linalg.inv(MOUNT)
-        np.testing.assert_allclose(hand_m[:3, 3], pose.position_m, atol=0.005)
-    np.testing.assert_allclose(seen.end_effector.position_m, VIEWPOINTS[-1].position_m, atol=0.005)
-    assert arm.state().gripper_width_m == width_m
-
-
-def test_a_viewpoint_that_is_not_allowed_is_not_gone_to(arm):
-    before_m = arm.state().position_m
-    arm.viewpoints, arm.confirm_viewpoint = VIEWPOINTS, lambda *_: False
-    with pytest.raises(NotConfirmedError, match="viewpoint 1"):
-        arm.observe()
-    arm.viewpoints, arm.confirm_viewpoint = (VIEWPOINTS[0]._replace(position_m=(0.35, 0.05, 0.05)),), None
-    with pytest.raises(UnsafeActionError, match=r"position.z"):
-        arm.observe()
-    np.testing.assert_array_equal(arm.state().position_m, before_m)
 
 
 def test_a_hand_that_moves_during_the_picture_is_named(arm):
@@ -234,12 +184,6 @@ def test_a_hand_that_moves_during_the_picture_is_named(arm):
     poses[1][0, 3] = 0.002
     with pytest.raises(CameraError, match=r"camera 'wrist': the hand moved by 2.0 mm"):
         arm.cameras.frames(lambda: poses.pop(0))
-
-
-@pytest.mark.parametrize("document", [{}, [{"position": [0, 0, 1]}], [{}] * 9])
-def test_viewpoints_that_are_none_are_refused(document):
-    with pytest.raises(InvalidInputError, match=r"^viewpoints"):
-        viewpoints_from_json(document)
 
 
 def test_an_arm_that_cannot_be_reached_leaves_no_camera_open(tmp_path, monkeypatch):
@@ -259,21 +203,15 @@ def kept():
 
 def test_a_cell_s_cameras_are_opened_unless_only_its_arm_is_wanted(tmp_path, monkeypatch):
     monkeypatch.setattr("test_cell_cameras.Sensor.made", [], raising=False)
-    monkeypatch.setattr("test_cell_cameras.Sensor.arm", lambda: open_xarm(Body(), monkeypatch), raising=False)
     cameras = [{"name": "wrist", "driver": "test_cell_cameras:kept", "camera_to_hand": MOUNT.tolist()}]
-    place = {"position": VIEWPOINTS[0].position_m, "quaternion_xyzw": [1, 0, 0, 0]}
-    (tmp_path / "cell.json").write_text(
-        json.dumps({"arm": "test_cell_cameras:arm_driver", "cameras": cameras, "viewpoints": [place]})
-    )
-    before_m = (only_arm := open_robot(str(tmp_path / "cell.json"), cameras=False)).state().position_m
-    assert only_arm.observe().frames == ()
-    np.testing.assert_array_equal(only_arm.state().position_m, before_m)
+    (tmp_path / "cell.json").write_text(json.dumps({"arm": "test_cell_cameras:arm_driver", "cameras": cameras}))
+    assert open_robot(str(tmp_path / "cell.json"), cameras=False).observe().frames == ()
     (frame,) = open_robot(str(tmp_path / "cell.json")).observe().frames
-    assert frame.camera.name == "wrist.1"
+    assert frame.camera.name == "wrist"
 
 
 def arm_driver():
-    return Sensor.arm()
+    return Plain(Body())
 
 
 def test_a_camera_that_sees_the_table_elsewhere_is_not_believed(arm):

@@ -1,4 +1,4 @@
-"""What a person does with the cell's cameras at the terminal: look, label, predict, teach viewpoints."""
+"""What a person does with the cell's cameras at the terminal: look, and predict."""
 
 import json
 from types import SimpleNamespace
@@ -7,16 +7,14 @@ import httpx
 import numpy as np
 import pytest
 from arms import client_of, type_command
-from makers import Body, open_xarm
-from test_cell_cameras import VIEWPOINTS, Sensor
+from makers import Body, Plain
+from test_cell_cameras import Sensor
 
 from roboprompt_client import cli
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.cameras.sight import Sight
 from roboprompt_client.cameras.table import Table
-from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.runs.loop import run_task
 from roboprompt_client.types.camera import Camera, RgbdFrame
 
 pytest.importorskip("cv2", reason="the extra `images` is not installed")
@@ -29,7 +27,7 @@ JAR = {"title": "Unprocessable", "detail": "objects[jar]: no camera sees a part 
 @pytest.fixture
 def service(monkeypatch, tmp_path):
     """A service that finds the mug and not the jar; what is sent to it; an arm with a camera above and one in hand."""
-    sent, state = [], SimpleNamespace(known=True, jars_seen=0, swapped=False)
+    sent, state = [], SimpleNamespace(jars_seen=0, swapped=False)
 
     def answer(request):
         path = request.url.path
@@ -39,22 +37,17 @@ def service(monkeypatch, tmp_path):
             found = not of_jar or (state.swapped and state.jars_seen > 1)
             return httpx.Response(200, json={"poses": [POSE]}) if found else httpx.Response(422, json=JAR)
         if path == "/tasks/mugs" and request.method == "GET":
-            return httpx.Response(200, json={"object_models": MODELS}) if state.known else httpx.Response(404, json={})
-        if path.endswith("/labels"):
-            return httpx.Response(201, json={"id": "l1", "cameras": [{"name": "above", "num_pixels": 812}]})
-        if path.endswith("/learn"):
-            return httpx.Response(
-                200, json={"model": {"views": ["l1"], "left_out": ["l0: seen from below"]}, "advice": ""}
-            )
+            return httpx.Response(200, json={"object_models": MODELS})
         return httpx.Response(200, json={"checks": {}, "id": "p", "actions": [], "findings": []})
 
     monkeypatch.setattr(cli, "RoboPromptClient", lambda url: client_of(answer))
-    arm = Arm(open_xarm(Body(), monkeypatch))
+    arm = Arm(Plain(Body()))
     arm.cameras = Rig(
         [MountedCamera("above", Sensor(), mount=OVERHEAD), MountedCamera("wrist", Sensor(), True, np.eye(4))]
     )
     monkeypatch.setattr("roboprompt_client.commands.shared.open_robot", lambda name: arm)
-    (tmp_path / "cell.json").write_text(json.dumps({"arm": "xarm"}))
+    monkeypatch.setattr(cli, "open_robot", lambda name: arm)
+    (tmp_path / "cell.json").write_text(json.dumps({"arm": "franka"}))
     return SimpleNamespace(sent=sent, state=state, arm=arm, cell=tmp_path / "cell.json")
 
 
@@ -103,37 +96,9 @@ def test_look_keeps_the_table_where_no_camera_is_in_doubt(service, monkeypatch, 
     assert "! camera 'above': it sees the table +20 mm and 0.0 degrees off: it was bumped" in capsys.readouterr().out
 
 
-def test_label_sends_the_pictures_and_the_click(service, monkeypatch, capsys):
-    service.state.known = False
-    what = ["--robot", service.cell, "--task", "mugs", "--object", "mug", "--click", "above", "31", "22", "--learn"]
-    assert run(monkeypatch, "label", *what) == 0
-    said = capsys.readouterr().out
-    assert "labeled as l1: pixels by camera: above 812" in said
-    assert "! left out: l0: seen from below" in said
-    assert paths(service) == [
-        "/healthz",
-        "/tasks/mugs",
-        "/tasks/mugs",
-        "/tasks/mugs/labels",
-        "/tasks/mugs/labels/learn",
-    ]
-    assert service.sent[2][0] == "PUT"
-    label = service.sent[3][2]
-    assert b'"clicks": {"above": [31.0, 22.0]}' in label
-    assert b'name="depth_wrist"' in label
-
-
-@pytest.mark.parametrize(
-    ("words", "error"),
-    [
-        (["look", "--task", "mugs", "--find", "bowl"], "--find: 'bowl' is not known to the task 'mugs'"),
-        (["label", "--task", "mugs", "--object", "mug"], "--click: and --learn are missing"),
-        (["label", "--task", "mugs", "--object", "mug", "--click", "above", "x", "1"], "--click: has 'x'"),
-    ],
-)
-def test_what_cannot_be_is_refused(service, monkeypatch, capsys, words, error):
-    assert run(monkeypatch, words[0], "--robot", service.cell, *words[1:]) == 1
-    assert error in capsys.readouterr().err
+def test_an_object_that_the_task_does_not_know_is_refused(service, monkeypatch, capsys):
+    assert run(monkeypatch, "look", "--robot", service.cell, "--task", "mugs", "--find", "bowl") == 1
+    assert "--find: 'bowl' is not known to the task 'mugs'" in capsys.readouterr().err
 
 
 def test_predict_asks_with_pictures_of_now(service, monkeypatch):
@@ -149,19 +114,6 @@ def test_predict_asks_with_pictures_of_now(service, monkeypatch):
 def test_a_sentence_over_several_tasks_needs_the_names_of_what_is_in_view(service, monkeypatch, capsys):
     assert run(monkeypatch, "run", "--robot", service.cell, "--instruction", "lift the mug") == 1
     assert "--find: is missing, and so is --task" in capsys.readouterr().err
-
-
-def test_viewpoints_are_written_as_the_hand_was_guided(service, monkeypatch):
-    assert run(monkeypatch, "viewpoints", "--robot", service.cell, answers=["", "", "q"]) == 0
-    first, second = json.loads(service.cell.read_text())["viewpoints"]
-    assert first == second
-    np.testing.assert_allclose(first["position"], service.arm.state().position_m, atol=1e-4)
-
-
-def test_an_arm_that_moves_to_look_does_not_look_in_between(service):
-    service.arm.viewpoints = VIEWPOINTS
-    with pytest.raises(InvalidInputError, match=r"^look_again: is asked of an arm that goes to viewpoints"):
-        run_task(None, service.arm, "mugs", "lift the mug", look_again=True)
 
 
 def sight(*mounts):

@@ -7,8 +7,7 @@ import pytest
 from makers import Body, open_ur
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.named import TITLES, ArmModel, named_geometry
-from roboprompt_client.arms.ur_geometry import GRIPPER_M
+from roboprompt_client.arms.named import TITLES, UR_GRIPPER_M, ArmModel, named_geometry
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.types import quaternions as rotations
@@ -48,7 +47,7 @@ def test_a_ur_of_a_known_model_is_previewed_with_its_tool(monkeypatch):
     driver = open_ur(body, monkeypatch, model="ur5e")
     named = named_geometry("ur5e")
     lower_m = driver.geometry().hand(named.ready_rad)[2, 3] - named.hand(named.ready_rad)[2, 3]
-    assert lower_m == pytest.approx(GRIPPER_M - 0.1)
+    assert lower_m == pytest.approx(UR_GRIPPER_M - 0.1)
     assert open_ur(body, monkeypatch).geometry() is None
     here = driver.geometry().hand(driver.state().joint_positions_rad)
     action = EndEffectorAction(here[:3, 3] + [0, 0.02, 0.02], rotations.from_matrix(here[:3, :3]), True)

@@ -9,7 +9,6 @@ from arms import ANSWER, Arm, Service
 from roboprompt_client.answers import Outcome, PlannedStep
 from roboprompt_client.errors import (
     DangerError,
-    InvalidInputError,
     NotConfirmedError,
     RoboPromptError,
     ServiceProblemError,
@@ -17,7 +16,7 @@ from roboprompt_client.errors import (
 )
 from roboprompt_client.robot import Observation
 from roboprompt_client.runs.plans import run_plan
-from roboprompt_client.types.poses import ObjectPose, Pose
+from roboprompt_client.types.poses import ObjectPose
 
 STEPS = (PlannedStep("open", "open the box"), PlannedStep("fill", "put the cup in the box"))
 OBJECTS = {"open": ["box"], "fill": ["cup", "box"]}
@@ -118,11 +117,3 @@ def test_what_is_no_plan_moves_nothing():
     with pytest.raises(RoboPromptError):
         run_plan(planner, robot, "dance")
     assert robot.heights == []
-
-
-def test_an_arm_that_moves_in_order_to_look_does_not_look_again_in_a_plan_either():
-    robot = Robot()
-    robot.viewpoints = (Pose((0.1, 0.2, 1.0), (1.0, 0.0, 0.0, 0.0)),)
-    with pytest.raises(InvalidInputError, match="viewpoints"):
-        run_plan(Planner(ANSWER, ANSWER), robot, "fill the box", look_again=True)
-    assert (robot.looks, robot.heights, robot.stopped) == (1, [], 1)

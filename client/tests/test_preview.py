@@ -7,10 +7,9 @@ from arms import Service
 from roboprompt_client import EndEffectorAction, PredictedActions, RoboPromptError, UnsafeActionError, run_task
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import ArmState, Calibration
-from roboprompt_client.arms.geometry import nearest_limit
-from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry, flange, franka_hand
+from roboprompt_client.arms.named import LIMITS_RAD, PandaGeometry, flange, franka_hand
 from roboprompt_client.arms.preview import preview_plan
-from roboprompt_client.commands.terminal import Person, plan_table
+from roboprompt_client.commands.shared import Person, plan_table
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.types import quaternions as rotations
@@ -95,9 +94,13 @@ def test_what_cannot_be_reached_says_why_and_the_rest_is_looked_at():
 
 
 def test_the_joint_that_is_nearest_to_its_limit():
-    low, high = np.radians([-90.0, -20.0, -90.0]), np.radians([90.0, 90.0, 90.0])
-    assert nearest_limit(np.radians([0.0, -5.0, 70.0]), low, high) == (2, pytest.approx(15.0))
-    assert nearest_limit(np.radians([0.0, 5.0, 93.0]), low, high) == (3, pytest.approx(-3.0))
+    geometry = PandaGeometry("panda")
+    low, high = np.array(LIMITS_RAD["panda"])
+    middle = (low + high) / 2
+    for joint, off_deg in ((2, 15.0), (6, -3.0)):
+        joints = middle.copy()
+        joints[joint - 1] = (low if joint == 2 else high)[joint - 1] + np.radians(off_deg) * (1 if joint == 2 else -1)
+        assert geometry.nearest_limit(joints) == (joint, pytest.approx(off_deg))
 
 
 def test_boxes_on_the_way_are_named_by_the_rule_that_refuses_them():

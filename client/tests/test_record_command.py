@@ -5,27 +5,26 @@ import os
 import pty
 import threading
 import time
-from contextlib import contextmanager
 from types import SimpleNamespace
 
 import httpx
 import numpy as np
 import pytest
 from arms import client_of, type_command
-from makers import Body, open_xarm, xarm
+from makers import Body, Plain
 
 from roboprompt_client import cli
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.cell import open_robot
-from roboprompt_client.commands.record import offer_correction
-from roboprompt_client.commands.record_live import record_live
+from roboprompt_client.commands.record import offer_correction, record_live
 from roboprompt_client.errors import InvalidInputError, MotionError
-from roboprompt_client.motion.limits import Box, MotionLimits
+from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.poses import EndEffectorAction
 from roboprompt_client.types.quaternions import about_z
 
+OPENED = "roboprompt_client.commands.record.open_robot"
 OBJECTS = [{"name": "cube", "position": [0.3, 0, 0.1]}]
 STORED = {
     "id": "e1",
@@ -46,21 +45,23 @@ def service(monkeypatch, tmp_path):
             return httpx.Response(404, json={"title": "Not found", "detail": "there is no task 'pick'"})
         if state.refuses:
             return httpx.Response(422, json={"title": "Unprocessable", "detail": "cube: no such object"})
-        state.sent.append(request.content)
+        state.sent.append((request.headers["Idempotency-Key"], request.content))
         return httpx.Response(201, json=STORED)
 
     monkeypatch.setattr(cli, "RoboPromptClient", lambda url: client_of(answer))
-    monkeypatch.setattr("roboprompt_client.recording.spool.WAITS_S", ())
-    opened = "roboprompt_client.commands.shared.open_robot"
-    monkeypatch.setattr(opened, lambda name: Arm(open_xarm(Body(), monkeypatch)))
+    monkeypatch.setattr(OPENED, lambda name: Arm(Plain(Body())))
     (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
     return state
 
 
 def run(monkeypatch, tmp_path, *more, answers=()):
     words = ["record", "--robot", "cell.json", "--task", "pick", "--instruction", "pick it up"]
-    words += ["--objects", tmp_path / "objects.json", "--spool", tmp_path / "spool", *more]
+    words += ["--objects", tmp_path / "objects.json", "--folder", tmp_path / "kept", *more]
     return type_command(monkeypatch, *words, answers=answers)[0]
+
+
+def kept(tmp_path):
+    return sorted((tmp_path / "kept").iterdir()) if (tmp_path / "kept").exists() else []
 
 
 def test_record_keep_and_upload(service, monkeypatch, tmp_path, capsys):
@@ -74,7 +75,7 @@ def test_record_keep_and_upload(service, monkeypatch, tmp_path, capsys):
 
 def test_record_and_throw_away(service, monkeypatch, tmp_path):
     assert run(monkeypatch, tmp_path, answers=["", "x", "q"]) == 0
-    assert list((tmp_path / "spool").iterdir()) == []
+    assert (kept(tmp_path), service.sent) == ([], [])
 
 
 @pytest.fixture
@@ -87,113 +88,62 @@ def keys(monkeypatch):
     os.close(person)
 
 
-def test_keys_move_the_gripper_while_it_records(keys, monkeypatch, tmp_path, capsys):
-    body = Body()
-    arm = Arm(open_xarm(body, monkeypatch))
+def test_keys_move_the_gripper_while_it_records(keys, capsys):
     threading.Timer(0.4, keys, ["c"]).start()
     threading.Timer(0.8, keys, ["o"]).start()
     threading.Timer(1.2, keys, ["\n"]).start()
-    trajectory = record_live(arm, tmp_path / "journal", 50.0, guide=False)
+    trajectory = record_live(Arm(Plain(Body())), 50.0)
     assert trajectory.gripper_open[0]
     assert not trajectory.gripper_open.all()
     assert trajectory.gripper_open[-1]
     assert " Hz  hand +" in capsys.readouterr().err
 
 
-def test_keys_steer_the_hand_while_it_records(keys, monkeypatch, tmp_path, capsys):
-    body = Body()
-    arm = Arm(open_xarm(body, monkeypatch), limits=MotionLimits(Box((-1, -1, 0), (body.position_m[0] + 0.06, 1, 2))))
-    before_m = body.position_m
-    for after_s, typed in ((0.3, "c"), (0.6, "f"), (0.9, "a"), (1.2, "w" * 3), (1.4, "w"), (1.5, "w"), (2.0, "\n")):
-        threading.Timer(after_s, keys, [typed]).start()
-    trajectory = record_live(arm, tmp_path / "journal", 50.0, teleop="keyboard")
-    moved_m = trajectory.positions_m[-1] - before_m
-    assert 0.002 < -moved_m[2] < 0.03  # a tap: this arm goes on for 0.15 s at every command
-    assert 0.002 < moved_m[1] < 0.03
-    assert 0.01 < moved_m[0] < 0.06  # held, up to the bound
-    assert not trajectory.gripper_open[-1]
-    assert "away, nearer" in capsys.readouterr().err
+def test_an_arm_that_cannot_be_guided_is_not_recorded_so(service, monkeypatch, tmp_path, capsys):
+    assert run(monkeypatch, tmp_path, "--guide", answers=["", "q"]) == 1
+    assert "cannot be guided by its driver" in capsys.readouterr().err
 
 
-def test_a_hand_rests_after_the_last_key(keys, monkeypatch, tmp_path):
-    """How long a key counts as held: `test_teleop`."""
-    arm = Arm(open_xarm(Body(), monkeypatch))
-    steered, moves = arm.steered, []
-
-    @contextmanager
-    def noting():
-        def note(velocity, turning):
-            moves.append(bool(velocity.any()))
-            if not moves[-1]:
-                keys("\n")
-            return steer(velocity, turning)
-
-        with steered() as steer:
-            yield note
-
-    monkeypatch.setattr(arm, "steered", noting)
-    threading.Timer(0.5, keys, ["w"]).start()
-    record_live(arm, tmp_path / "journal", 50.0, teleop="keyboard")
-    assert len(moves) > 1
-    assert moves == [*[True] * (len(moves) - 1), False]
-
-
-@pytest.mark.parametrize(
-    ("option", "why"),
-    [
-        (["--guide"], "cannot be guided by its driver"),
-        (["--teleop", "keyboard"], "--teleop: standard input is not a terminal"),
-        (["--teleop", "spacemouse"], "--teleop: no SpaceMouse is plugged in"),
-    ],
-)
-def test_what_cannot_be_led_so_is_not_recorded(service, monkeypatch, tmp_path, capsys, option, why):
-    monkeypatch.setattr("roboprompt_client.recording.teleop.HIDRAW", tmp_path)
-    assert run(monkeypatch, tmp_path, *option, answers=["", "q"]) == 1
-    assert why in capsys.readouterr().err
-    assert list((tmp_path / "spool").iterdir()) == []
-
-
-@pytest.mark.parametrize(("option", "valid"), [("--rate-hz", "20 to 1000"), ("--film-hz", "0 (no film) to 60")])
-def test_a_rate_out_of_range_is_refused_before_the_arm_is_opened(service, monkeypatch, tmp_path, capsys, option, valid):
-    monkeypatch.setattr("roboprompt_client.commands.shared.open_robot", None)
+def test_a_rate_out_of_range_is_refused_before_the_arm_is_opened(service, monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(OPENED, None)
     with pytest.raises(SystemExit, match="2"):
-        run(monkeypatch, tmp_path, option, "1e4")
-    assert f"{option[2:].replace('-', '_')}: is 10000 (valid: {valid})" in capsys.readouterr().err
+        run(monkeypatch, tmp_path, "--rate-hz", "1e4")
+    assert "rate_hz: is 10000 (valid: 20 to 1000)" in capsys.readouterr().err
 
 
 def test_a_refused_recording_ends_with_1(service, monkeypatch, tmp_path, capsys):
     service.refuses = True
     assert run(monkeypatch, tmp_path, answers=["", "", "q"]) == 1
-    assert "refused: cube: no such object" in capsys.readouterr().out
+    assert "not stored: 422 Unprocessable: cube: no such object" in capsys.readouterr().out
 
 
-def test_a_spool_that_cannot_be_made_is_said(service, monkeypatch, tmp_path, capsys):
-    (tmp_path / "file").write_text("")
-    assert run(monkeypatch, tmp_path, "--spool", str(tmp_path / "file" / "spool")) == 1
-    assert "--spool: " in capsys.readouterr().err
-
-
-def test_an_interrupted_recording_is_sent_later(service, monkeypatch, tmp_path, capsys):
+def test_what_is_broken_off_is_never_sent(service, monkeypatch, tmp_path):
     assert run(monkeypatch, tmp_path, answers=["", KeyboardInterrupt()]) == 130
+    assert (kept(tmp_path), service.sent) == ([], [])
+
+
+def test_a_recording_that_the_service_did_not_take_is_sent_again(service, monkeypatch, tmp_path, capsys):
     service.away = True
-    assert run(monkeypatch, tmp_path, "--send-only") == 1
-    assert "it waits in" in capsys.readouterr().out
+    assert run(monkeypatch, tmp_path, answers=["", "", "q"]) == 1
+    (folder,) = kept(tmp_path)
+    assert f"send it again: roboprompt-robot record --upload {folder}" in capsys.readouterr().out
+    again = ("record", "--upload", folder)
+    assert type_command(monkeypatch, *again)[0] == 1
     service.away = False
-    assert run(monkeypatch, tmp_path, "--send-only") == 0
+    assert type_command(monkeypatch, *again)[0] == 0
     assert "stored as e1" in capsys.readouterr().out
+    assert [key for key, _ in service.sent] == [folder.name]
 
 
-@pytest.fixture
-def arm(monkeypatch):
-    return Arm(open_xarm(Body(), monkeypatch))
+def plain(address):
+    return Plain(Body())
 
 
-def test_a_cell_s_file(tmp_path, monkeypatch):
+def test_a_cell_s_file(tmp_path):
     cell, body = tmp_path / "cell.json", Body()
-    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: xarm(body))
     (tmp_path / "objects.json").write_text(json.dumps(OBJECTS))
     document = {
-        "arm": "xarm",
+        "arm": f"{__name__}:plain",
         "options": {"address": "192.168.1.5"},
         "base_to_world": {"position": [0, 0, 0.5], "quaternion_xyzw": [0, 0, 0, 1]},
         "limits": {"workspace": {"min": [-1, -1, 0], "max": [1, 1, 2]}},
@@ -215,8 +165,6 @@ def test_a_cell_s_file(tmp_path, monkeypatch):
         ({"options": {"port": 1}}, "options"),
         ({"base_to_world": {}}, "base_to_world"),
         ({"reach_m": -1}, "reach_m"),
-        ({"urdf": "arm.urdf"}, "urdf"),
-        ({"urdf": {"file": "none.urdf", "frame": "tool0"}}, "urdf"),
     ):
         cell.write_text(json.dumps({**document, **changes}))
         with pytest.raises(InvalidInputError) as caught:
@@ -246,34 +194,31 @@ def test_limits_are_not_lost_where_the_arm_is_a_robot(tmp_path):
         open_robot(str(cell))
 
 
-@pytest.mark.parametrize("commands", [["look"], ["viewpoints"], ["check"]])
-def test_an_arm_that_a_command_refuses_is_closed(tmp_path, monkeypatch, commands):
-    closed = []
-    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: xarm(Body()))
-    monkeypatch.setattr("roboprompt_client.arms.xarm.XArm.close", lambda _: closed.append(None))
-    bound = {"tolerance": {"max_contact_force_n": 30}} if commands == ["check"] else {}  # it reports no forces
-    (tmp_path / "cell.json").write_text(json.dumps({"arm": "xarm", "options": {"address": "192.168.1.5"}, **bound}))
-    status, _ = type_command(monkeypatch, *commands, "--robot", tmp_path / "cell.json")
-    assert (status, len(closed)) == (1, 1)
+@pytest.mark.parametrize("command", ["look", "check"])
+def test_an_arm_that_a_command_refuses_is_closed(tmp_path, monkeypatch, command):
+    body = Body()
+    monkeypatch.setattr(f"{__name__}.plain", lambda address: Plain(body))
+    bound = {"tolerance": {"max_contact_force_n": 30}} if command == "check" else {}  # it reports no forces
+    document = {"arm": f"{__name__}:plain", "options": {"address": "192.168.1.5"}, **bound}
+    (tmp_path / "cell.json").write_text(json.dumps(document))
+    assert type_command(monkeypatch, command, "--robot", tmp_path / "cell.json")[0] == 1
+    assert body.closed
 
 
 @pytest.mark.parametrize(("answers", "stored"), [(["y", "\n"], True), (["n"], False), ([""], False)])
-def test_a_failed_run_is_corrected_by_showing_it(service, arm, monkeypatch, tmp_path, capsys, answers, stored):
+def test_a_failed_run_is_corrected_by_showing_it(service, monkeypatch, tmp_path, capsys, answers, stored):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("builtins.input", lambda question: answers.pop(0))
-    offer_correction(cli.RoboPromptClient("http://robots"), arm, "pick", "pick it up", "p1")
+    offer_correction(cli.RoboPromptClient("http://robots"), Arm(Plain(Body())), "pick", "pick it up", "p1")
     assert ("stored as e1" in capsys.readouterr().out) is stored
-    assert [b'"corrects": "p1"' in body for body in service.sent] == [True] * stored
+    assert [b'"corrects": "p1"' in body for _, body in service.sent] == [True] * stored
     assert (tmp_path / "recordings").exists() is stored
 
 
 @pytest.mark.parametrize("may_move", ["y", "n"])
-def test_a_recording_that_the_arm_interrupted_is_not_uploaded_by_the_way(
-    service, monkeypatch, tmp_path, capsys, may_move
-):
+def test_a_recording_that_the_arm_broke_off_is_not_kept(service, monkeypatch, tmp_path, capsys, may_move):
     body = Body()
-    arm = Arm(open_xarm(body, monkeypatch))
-    monkeypatch.setattr("roboprompt_client.commands.shared.open_robot", lambda name: arm)
+    monkeypatch.setattr(OPENED, lambda name: Arm(Plain(body)))
 
     def the_arm_fails():
         body.gone = True
@@ -286,24 +231,21 @@ def test_a_recording_that_the_arm_interrupted_is_not_uploaded_by_the_way(
 
     again = ["", "", "q"] if may_move == "y" else []
     assert run(monkeypatch, tmp_path, answers=["", the_arm_fails, it_was_looked_at, *again]) == 1
-    assert len(service.sent) == len(again[:1])
-    said = capsys.readouterr().out
-    assert "interrupted, and not uploaded: it is in" in said
-    assert run(monkeypatch, tmp_path, "--send-only") == 0
-    assert len(service.sent) == len(again[:1]) + 1
+    assert len(service.sent) == len(kept(tmp_path)) == len(again[:1])
+    assert "broken off, and not kept" in capsys.readouterr().out
 
 
 def test_an_error_of_the_arm_stays_until_a_person_has_looked(monkeypatch, tmp_path):
     body = Body()
-    body.code = 31  # a collision
-    monkeypatch.setattr("roboprompt_client.arms.xarm.import_extra", lambda *_: xarm(body))
-    (tmp_path / "cell.json").write_text(json.dumps({"arm": "xarm", "options": {"address": "192.168.1.5"}}))
+    body.fault = "a collision"
+    monkeypatch.setattr(f"{__name__}.plain", lambda address: Plain(body))
+    document = {"arm": f"{__name__}:plain", "options": {"address": "192.168.1.5"}}
+    (tmp_path / "cell.json").write_text(json.dumps(document))
     command = ("recover", "--robot", tmp_path / "cell.json")
     assert type_command(monkeypatch, *command, answers=["n"])[0] == 1
-    with open_robot(str(tmp_path / "cell.json")) as arm:
-        action = EndEffectorAction(body.position_m + 0.01, body.quaternion, True)
-        with pytest.raises(MotionError, match=r"error 31: once a person has looked, .* roboprompt-robot recover"):
-            arm.execute(action)
+    action = EndEffectorAction(body.position_m + 0.01, body.quaternion, True)
+    with open_robot(str(tmp_path / "cell.json")) as arm, pytest.raises(MotionError, match="a collision"):
+        arm.execute(action)
     assert type_command(monkeypatch, *command, answers=["y"])[0] == 0
     with open_robot(str(tmp_path / "cell.json")) as arm:
         arm.execute(action)
@@ -329,8 +271,8 @@ def with_base(service, monkeypatch):
         return httpx.Response(404 if request.method == "GET" else 201, json=STORED)
 
     monkeypatch.setattr(cli, "RoboPromptClient", lambda url: client_of(answer))
-    opened = "roboprompt_client.commands.shared.open_robot"
-    monkeypatch.setattr(opened, lambda name: Arm(open_xarm(Body(), monkeypatch), calibration=TURNED))
+    for opened in (OPENED, "roboprompt_client.cli.open_robot"):
+        monkeypatch.setattr(opened, lambda name: Arm(Plain(Body()), calibration=TURNED))
     return SimpleNamespace(documents=documents, put=put, plan=plan)
 
 

@@ -17,7 +17,6 @@ from roboprompt_client import (
     Trajectory,
 )
 from roboprompt_client.encoding import scene_json
-from roboprompt_client.types.film import Film
 
 CUBE = ObjectPose("cube", [0.4, 0, 0.1])
 FRONT = RgbdFrame(Camera("front", 5, 5, 2, 2, np.eye(4)))
@@ -98,12 +97,8 @@ def test_a_problem_can_be_raised_by_a_worker_process():
     assert (again.status, again.problem, str(again)) == (503, problem, "503 Busy: ask later")
 
 
-def test_a_part_of_a_recording_has_its_frames_and_pictures():
+def test_a_part_of_a_recording_has_its_frames():
     whole = Trajectory.from_poses(HEIGHTS, DOWN, [1, 1, 0], [0.0, 0.1, 0.2])
     part = whole.part(1, 3)
     assert (len(part), part.gripper_open.tolist(), list(part.timestamps_s)) == (2, [True, False], [0.1, 0.2])
     assert part.positions_m.tolist() == whole.positions_m[1:].tolist()
-    film = Film("front", np.array([0.0, 0.1, 0.3]), (b"a", b"b", b"c"))
-    assert film.part(0.1, 0.3).pictures == (b"b", b"c")
-    late = film.part(0.2, 0.25)  # nothing was taken then: the last one before
-    assert (late.pictures, late.times_s.tolist()) == ((b"b",), [0.2])

@@ -1,19 +1,13 @@
 """What cameras took during a motion: uploaded, given back, exported, deleted; and films that are refused."""
 
 import base64
-import time
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
 from app.cli.export_data import download
-from app.untrusted_arrays import film_from_npz
-from roboprompt_client import ArmState, ObjectPose, Observation, Recorder, RoboPromptClient
-from roboprompt_client.cameras.picture import Intrinsics, Picture
-from roboprompt_client.cameras.rig import MountedCamera
-from roboprompt_client.recording.spool import UNFINISHED, Spool
+from roboprompt_client import RoboPromptClient
 from tests.episodes import arrays, film_npz, jpeg, metadata, multipart, npz, pick_trajectory, png, refused
 
 PLACE_M = (0.123, 0.077, 0.785)
@@ -68,32 +62,6 @@ def test_times_are_by_the_clock_of_the_trajectory(http):
     clocked = {**TRAJECTORY, "timestamps": 1000 + np.arange(21) / 20}
     assert post(http, "clocked", clocked, film_front=film_npz([1000.0, 1001.0])).status_code == 201
     refused(post(http, "clocked", clocked, film_front=film_npz([0.0, 1.0])), "film_front.timestamps", "1000 to 1001 s")
-
-
-def test_what_a_robot_filmed_is_stored(http, url, tmp_path):
-    began_s = time.monotonic()
-
-    def state():
-        fallen_m = 0.1 * (time.monotonic() - began_s)
-        return ArmState(np.array([0.1, 0.0, 1.0 - fallen_m]), np.array([1.0, 0, 0, 0]), gripper_open=True)
-
-    def read():
-        return Picture(np.zeros((480, 640, 3), np.uint8), None, Intrinsics(500, 500, 320, 240, 640, 480), time.time())
-
-    spool = Spool(tmp_path / "spool")
-    folder = spool.new("guided", "pick up the cube", Observation(ObjectPose("cube", np.array(PLACE_M))))
-    wrist = MountedCamera("wrist", SimpleNamespace(read=read, close=None), in_hand=True)  # not calibrated
-    recorder = Recorder(SimpleNamespace(state=state), folder / UNFINISHED, cameras=[wrist], film_hz=20)
-    recorder.start()
-    time.sleep(1)
-    recorder.stop()
-    films = recorder.films
-    spool.finish(folder)
-    with RoboPromptClient(url) as client:
-        sent = spool.send(client, folder)
-    assert (sent.stored, sent.answer["films"]) == (True, ["wrist"])
-    stored = http.get(f"/episodes/{sent.answer['id']}/films/wrist").content
-    assert film_from_npz("wrist", stored).times_s.tolist() == films[0].times_s.tolist()
 
 
 def huge_jpeg():

@@ -2,12 +2,12 @@
 
 import json
 import re
-from functools import partial
 
 import numpy as np
 import pytest
 
-from roboprompt_client import cli
+from roboprompt_client import RoboPromptClient, cli
+from roboprompt_client.cell import open_robot
 from tests.e2e.processes import running_server
 from tests.e2e.walk_cell import BASE_POSITION_M, LAB, PLACES, RADIUS_M, TABLE_TOP_M, WRIST
 
@@ -21,7 +21,6 @@ INSTRUCTION = [*TASK, "--instruction", "lift the mug"]
 SHOWN = ((0.15, 0.0, 0.0), (0.22, -0.12, 120.0), (0.12, 0.12, -110.0))
 TAUGHT = ((0.20, 0.05, 20.0), (0.10, -0.12, -40.0), (0.27, 0.10, 60.0), (0.16, -0.02, 100.0))
 ASKED = ((0.24, -0.06, -20.0), (0.13, 0.08, 45.0))
-VIEWPOINTS = (((0.0, 0.0, 1.12), (180, -28, 0)), ((0.16, -0.24, 1.10), (208, 0, 0)), ((0.16, 0.24, 1.10), (152, 0, 0)))
 MIDDLE_M = 0.016  # of what is seen of the mug, from its axis towards its handle
 
 
@@ -80,7 +79,7 @@ def pixel_of_the_mug(camera):
     towards = (seen_by.camera_to_world[:3, 3] - axis_m) * (1, 1, 0)
     place_m = axis_m + RADIUS_M * towards / np.linalg.norm(towards) + (0, 0, 0.05)
     (pixel,), _ = seen_by.project([place_m])
-    return [str(round(value)) for value in pixel]
+    return pixel.round().tolist()
 
 
 def guide():
@@ -88,20 +87,29 @@ def guide():
     LAB.perform(LAB.task.expert())
 
 
-def teach_and_run(lab, typed):
-    """Demonstrations, and two predictions that are carried out; `typed` lets the hand go to its viewpoints."""
+def teach_and_run(lab):
+    """Demonstrations, and two predictions that are carried out."""
     of_cell = ["--robot", lab.cell]
     for place in TAUGHT:
         LAB.put(*place)
-        said = lab.run("record", *of_cell, *INSTRUCTION, "--rate-hz", "100", typed=["", *typed, guide, "q"])
+        said = lab.run(
+            "record",
+            *of_cell,
+            *INSTRUCTION,
+            "--rate-hz",
+            "100",
+            "--folder",
+            lab.folder / "kept",
+            typed=["", guide, "q"],
+        )
         assert "stored as" in said, said
     for place in ASKED:
         LAB.put(*place)
         before_m = LAB.task.position_m("mug")
-        answer = json.loads(lab.run("predict", *of_cell, *INSTRUCTION, typed=typed))
+        answer = json.loads(lab.run("predict", *of_cell, *INSTRUCTION))
         (mug,) = answer["objects"]
         np.testing.assert_allclose(mug["position"][:2], before_m[:2], atol=MIDDLE_M + 0.006)
-        said = lab.run("run", *of_cell, *INSTRUCTION, typed=[*typed, "y", "y"])
+        said = lab.run("run", *of_cell, *INSTRUCTION, typed=["y", "y"])
         assert LAB.task.succeeded(), said
 
 
@@ -112,44 +120,33 @@ def test_from_an_empty_cell_to_the_first_motion(lab):
     seen = lab.run("look", *of_cell, "--remember", "--html", lab.folder / "empty.html")
     assert re.search(r"front +640x480 +\d+% +0\.\d+ m +at 0\.75\d m, tilted by 0\.\d°", seen), seen
 
-    for place in SHOWN:
-        LAB.put(*place)
-        said = lab.run("label", *of_cell, *TASK, "--object", "mug", "--click", "front", *pixel_of_the_mug("front"))
-        assert "labeled as" in said
-    assert "learned from 3 views" in lab.run("label", *TASK, "--object", "mug", "--learn")
+    with RoboPromptClient(lab.url) as client:
+        client.configure_task("mugs", robot_base=BASE_POSITION_M)
+        for place in SHOWN:
+            LAB.put(*place)
+            with open_robot(str(lab.cell)) as arm:
+                client.label_object("mugs", "mug", frames=arm.frames(), clicks={"front": pixel_of_the_mug("front")})
+        assert len(client.learn_from_labels("mugs", "mug")["model"]["views"]) == 3
 
     LAB.put(*TAUGHT[0])
     seen = lab.run("look", *of_cell, *TASK, "--html", lab.folder / "mug.html")
     assert re.search(r"mug +0\.\d\d\d ", seen), seen
     assert (lab.folder / "mug.html").read_text().count("<image") == 3
 
-    teach_and_run(lab, typed=[])
+    teach_and_run(lab)
 
 
 @pytest.mark.long
-def test_one_camera_in_the_hand_sees_from_three_sides(lab):
+def test_a_camera_in_the_hand_is_calibrated(lab):
     options = {"name": "wrist", "folder": str(lab.folder / "wrist")}
     camera = {"name": "wrist", "driver": "tests.e2e.walk_cell:camera", "options": options, "camera_to_hand": None}
     lab.cell.write_text(json.dumps({**CELL, "cameras": [camera]}))
-    of_cell = ["--robot", lab.cell]
-
     LAB.put(0.45, 0.35, 0.0)
     LAB.go((0.16, 0.0, 1.15), (180, 0, 0))
     LAB.board = True
-    said = lab.run("calibrate", *of_cell, "--carried", "--square", "0.03", "--marker", "0.022", typed=["y"] * 15)
+    board = ("--carried", "--square", "0.03", "--marker", "0.022")
+    said = lab.run("calibrate", "--robot", lab.cell, *board, typed=["y"] * 15)
     LAB.board = False
     assert "nothing: good" in said, said
     mount = np.array(json.loads(lab.cell.read_text())["cameras"][0]["camera_to_hand"])
     np.testing.assert_allclose(mount[:3, 3], WRIST[:3, 3], atol=0.003)
-
-    lab.run("viewpoints", *of_cell, typed=[*(partial(LAB.go, *pose) for pose in VIEWPOINTS), "q"])
-    allowed = ["y"] * len(VIEWPOINTS)
-    for place in SHOWN:
-        LAB.put(*place)
-        LAB.go(*VIEWPOINTS[0])
-        pixel = pixel_of_the_mug("wrist")
-        lab.run("label", *of_cell, *TASK, "--object", "mug", "--click", "wrist.1", *pixel, typed=allowed)
-    assert "learned from 3 views" in lab.run("label", *TASK, "--object", "mug", "--learn")
-    seen = lab.run("look", *of_cell, *TASK, "--remember", typed=allowed)
-    assert re.search(r"mug +0\.\d\d\d .*wrist\.1", seen), seen
-    teach_and_run(lab, typed=allowed)

@@ -35,7 +35,7 @@ from app.sim.world import (
 )
 from roboprompt_client.arms.driver import ArmState
 from roboprompt_client.cameras.board import CharucoBoard
-from roboprompt_client.cameras.opencv import FrameFolder
+from roboprompt_client.cameras.files import FrameFolder
 from roboprompt_client.types.camera import Camera
 from synthetic.camera_noise import as_a_camera_sees_it
 

@@ -10,7 +10,7 @@ from app.services.predict.evidence import explain_prediction, path_of
 from app.services.task_settings import TaskSettings
 from app.store.records import DemonstrationRecord, PredictionRecord
 from app.store.values import KeyframeRecord, ObjectRecord
-from roboprompt_client.arms.panda import PandaGeometry
+from roboprompt_client.arms.named import PandaGeometry
 
 DOWN = (1.0, 0.0, 0.0, 0.0)
 INSTRUCTION = "pick up the cube"

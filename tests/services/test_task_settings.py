@@ -5,7 +5,6 @@ from app.pipeline.workspace import RLBENCH_MAX_M, RLBENCH_MIN_M
 from app.services.setting_parts import KeyframeSettings, MotionLimitsSettings
 from app.services.task_settings import TaskSettings
 from app.store import tasks
-from tests.episodes import ur5e
 
 from .test_upload_episode import upload
 
@@ -84,12 +83,3 @@ def test_what_a_task_answers_can_be_sent_back(nearest):
     assert stored["workspace"] == {"preset": "auto"}
     wider = answered.changed({"workspace": {"max": (3.0, 3.0, 3.0)}}).workspace
     assert (wider.preset, wider.min) == (None, answered.workspace.min)
-
-
-def test_of_an_arm_s_urdf_only_what_is_used_is_kept():
-    sent = ur5e()
-    kept = settings(arm=sent)["arm"]
-    assert len(kept["urdf"]) < len(sent["urdf"]) * 0.7
-    assert settings(arm=kept)["arm"] == kept
-    assert changed({"arm": sent}).geometry().num_joints == 6
-    assert TaskSettings().geometry() is None

@@ -1,5 +1,6 @@
 """Motions that pages play."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,12 +11,11 @@ from app.services.task_settings import TaskSettings
 from app.sim.demonstrate import record_demonstration
 from app.sim.world import BASE_POSITION_M
 from app.web.play import HAND_M_S, MAX_MOMENTS, planned_motion, recorded_motion, why_without_arm
-from roboprompt_client.arms.panda import HAND_M
+from roboprompt_client.arms.named import HAND_M, UR_GRIPPER_M
 from roboprompt_client.types.trajectory import Trajectory
-from tests.episodes import ur5e
 
 PANDA = TaskSettings(arm="panda", robot_base=BASE_POSITION_M)
-UR5E = TaskSettings(arm=ur5e(), robot_base=(0.1, 0.2, 0.3), robot_base_yaw_deg=70)
+UR5E = TaskSettings(arm="ur5e", robot_base=(0.1, 0.2, 0.3), robot_base_yaw_deg=70)
 DOWN = [1.0, 0.0, 0.0, 0.0]
 
 
@@ -67,8 +67,9 @@ def test_the_arm_is_shown_as_far_as_it_gets():
     assert planned_motion(asked(), PANDA) is None
 
 
-def test_an_arm_by_its_urdf_is_drawn_to_its_hand():
-    joints = np.linspace(UR5E.arm.ready, np.add(UR5E.arm.ready, 0.3), 5)
+def test_a_base_that_is_turned_turns_the_arm():
+    ready_rad = UR5E.geometry().ready_rad
+    joints = np.linspace(ready_rad, ready_rad + 0.3, 5)
     poses = np.array([UR5E.geometry().hand(each) for each in joints])
     turn = Rotation.from_euler("z", 70, degrees=True)
     hands = (turn * Rotation.from_matrix(poses[:, :3, :3])).as_quat()
@@ -76,11 +77,12 @@ def test_an_arm_by_its_urdf_is_drawn_to_its_hand():
     recorded = Trajectory(np.zeros((5, 6)), positions_m, hands, np.ones(5, bool), joint_positions_rad=joints)
     motion = recorded_motion(recorded, np.arange(5) / 10, UR5E)
     assert np.shape(motion["arm"]) == (5, 8, 3)
-    assert np.array(motion["arm"])[:, -1] == pytest.approx(positions_m, abs=1e-3)
+    away_m = np.linalg.norm(np.array(motion["arm"])[:, -1] - positions_m, axis=1)
+    assert away_m == pytest.approx(np.full(5, UR_GRIPPER_M), abs=1e-3)
     assert why_without_arm(recorded, UR5E) == ""
     assert recorded_motion(recorded, np.arange(5) / 10, PANDA)["arm"] is None
     assert why_without_arm(recorded, PANDA).startswith("The recording has 6 joints, the task's arm 7 joints")
     near = {**action((positions_m[0] + [0.1, 0.1, -0.1]).tolist()), "quaternion_xyzw": hands[0].tolist()}
     planned = planned_motion(asked(near), UR5E)
-    assert planned["arm"][0][-1] == pytest.approx(positions_m[0], abs=1e-3)
-    assert planned["arm"][-1][-1] == pytest.approx(near["position"], abs=2e-3)
+    assert planned["arm"][0][-1] == pytest.approx(motion["arm"][0][-1], abs=1e-3)
+    assert math.dist(planned["arm"][-1][-1], near["position"]) == pytest.approx(UR_GRIPPER_M, abs=2e-3)

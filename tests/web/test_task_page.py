@@ -3,7 +3,6 @@
 import pytest
 from playwright.sync_api import expect
 
-from tests.episodes import ur5e
 from tests.web.conftest import PLACES_M, teach
 
 PANEL = {"keep_out": [{"min": [0.5, -0.1, 0.7], "max": [0.6, 0.1, 0.9]}]}
@@ -48,22 +47,6 @@ def test_what_somebody_else_set_meanwhile_is_not_overwritten(form, http):
     form.get_by_role("button", name="Apply").click()
     expect(form.get_by_role("alert")).to_contain_text("read it again")
     assert settings_of(http)["motion_limits"]["keep_out"] == PANEL["keep_out"]
-
-
-def test_an_arm_is_given_by_its_file(form, http, tmp_path):
-    (tmp_path / "arm.urdf").write_text(ur5e()["urdf"])
-    form.get_by_label("Arm", exact=True).select_option("another, by its URDF")
-    expect(form.locator("#changes")).to_contain_text("arm.urdf is missing")
-    form.get_by_label("URDF file").set_input_files(tmp_path / "arm.urdf")
-    form.get_by_label("Link whose pose is recorded").fill("tool0")
-    form.get_by_label("Base link").fill("base")
-    form.get_by_label("Joints at the start").fill("0 -1.6 1.6 -1.6 -1.6 0")
-    expect(form.locator("#changes li")).to_contain_text("characters")
-    form.get_by_role("button", name="Apply").click()
-    expect(form.locator("#state")).to_have_text("Applied.")
-    expect(form.get_by_label("Joints at the start")).to_have_value("0 -1.6 1.6 -1.6 -1.6 0")
-    expect(form.get_by_role("button", name="Apply")).to_be_disabled()
-    assert settings_of(http)["arm"]["frame"] == "tool0"
 
 
 def test_a_setting_that_is_not_valid_is_reported(form, http):

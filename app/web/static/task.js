@@ -2,7 +2,7 @@
 
 import { call, root } from "./api.js";
 import { attempt, byId, data, element, say } from "./dom.js";
-import { numbers, wrong } from "./fields.js";
+import { numbers } from "./fields.js";
 import { drawScene } from "./scene3d.js";
 
 const form = byId("settings");
@@ -12,8 +12,6 @@ const stored = data("stored");
 
 const CLICK_PX = 4; // a longer way of the pointer turns the view
 const NEW_BOX_M = 0.1; // its edges
-
-let urdf = stored.arm?.urdf ?? "";
 
 const point = (input, field) => numbers(input.value, field, 3);
 const groups = () => [...form.querySelectorAll(".box")];
@@ -37,21 +35,14 @@ function draw(isChanged) {
   drawScene(view, { ...scene, workspace, boxes, whole: isChanged || boxes.length > 0 });
 }
 
-/** The arm that the form says, its members in the service's order. */
-function wantedArm({ arm, frame, base, ready }) {
-  if (arm.value !== "urdf") return arm.value || null;
-  if (!urdf) throw wrong("arm.urdf", "is missing", "a URDF file; xacro must be expanded");
-  return { frame: frame.value, base: base.value || null, urdf, ready: numbers(ready.value, "arm.ready") };
-}
-
 /** The settings that the form says, in the API's words. Throws ProblemError for what cannot be read. */
 function wanted() {
-  const { robot_base, robot_base_yaw_deg, preset, num_demonstrations } = form.elements;
+  const { arm, robot_base, robot_base_yaw_deg, preset, num_demonstrations } = form.elements;
   const boxes = groups().map(boxOf);
   const words = (input) => input.value.split(",").map((word) => word.trim()).filter(Boolean);
   const named = [...form.querySelectorAll("[name=alias]")].map((input) => [input.dataset.object, words(input)]);
   return {
-    arm: wantedArm(form.elements),
+    arm: arm.value || null,
     robot_base: point(robot_base, "robot_base"),
     robot_base_yaw_deg: robot_base_yaw_deg.valueAsNumber,
     workspace: preset.value ? { preset: preset.value } : ownWorkspace(),
@@ -66,13 +57,11 @@ function changes(after) {
   return Object.keys(after).filter((name) => JSON.stringify(stored[name]) !== JSON.stringify(after[name]));
 }
 
-const short = (name, value) => (name === "urdf" ? `${value.length} characters` : value);
-const text = (value) => JSON.stringify(value, short).replaceAll('"', "").replaceAll(",", ", ");
+const text = (value) => JSON.stringify(value).replaceAll('"', "").replaceAll(",", ", ");
 
 /** List what would change, and draw it. */
 function look() {
-  const { preset, min, max, arm } = form.elements;
-  byId("own-arm").hidden = arm.value !== "urdf";
+  const { preset, min, max } = form.elements;
   for (const input of [min, max]) input.closest(".field").hidden = Boolean(preset.value);
   try {
     const after = wanted();
@@ -119,10 +108,6 @@ byId("boxes").addEventListener("click", (event) => {
   look();
 });
 form.addEventListener("input", look);
-byId("urdf").addEventListener("change", async ({ target }) => {
-  urdf = (await target.files[0]?.text()) ?? stored.arm?.urdf ?? "";
-  look();
-});
 let pressed = { clientX: 0, clientY: 0 };
 view.addEventListener("pointerdown", (event) => (pressed = event));
 view.addEventListener("pointerup", ({ clientX, clientY }) => {

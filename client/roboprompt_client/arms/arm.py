@@ -1,31 +1,28 @@
 """An arm as a `Robot`: limits are checked before each motion, the pose after it, and a stop holds until `recover`."""
 
 import logging
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 
 import numpy as np
 
-from roboprompt_client.arms.driver import ArmState, Calibration, Driver, Guidable, Steerable
-from roboprompt_client.arms.geometry import Geometry, KnowsItsJoints
+from roboprompt_client.arms.driver import ArmState, Calibration, Driver, Guidable
+from roboprompt_client.arms.geometry import Chain, KnowsItsJoints
 from roboprompt_client.arms.preview import Previewed, preview_plan
-from roboprompt_client.arms.safety import Interlock, Tolerance, problem_ahead
-from roboprompt_client.cameras.rig import SETTLE_S, Rig
-from roboprompt_client.errors import InvalidInputError, MotionError, NotConfirmedError, UnsafeActionError
+from roboprompt_client.arms.safety import Interlock, Tolerance
+from roboprompt_client.cameras.rig import Rig
+from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
 from roboprompt_client.motion.guard import MotionGuard
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import RgbdFrame
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
-ConfirmViewpoint = Callable[[int, Pose], bool]
-Steer = Callable[[Array, Array], str]
 log = logging.getLogger(__name__)
 TOLERANCE = Tolerance()
+NO_BOXES = MotionLimits(hand_radius_m=0.0)
 
 
 class Arm:
@@ -35,17 +32,14 @@ class Arm:
         observe_scene: returns the objects in the world frame; None: there are none.
         limits: of the cell, in the world frame; checked before every motion, whatever the service allows.
         open_width_m: the measured width of open fingers; None: the largest width measured so far.
-        geometry: of the joints, for the preview; None: the driver's own, if it has one.
-        reach_m: how far the hand reaches from the base, for the preview of an arm without geometry.
+        reach_m: how far the hand reaches from the base, for an arm without geometry; None: not known.
         cameras: take the pictures of `observe`.
-        viewpoints: poses from which cameras in the hand take their pictures.
 
     Raises:
         InvalidInputError: for a bound of forces if the driver reports no forces.
 
     Attributes:
         to_find: names of objects that the service shall find in the pictures, as in `Observation`.
-        confirm_viewpoint: asked before the hand goes to a viewpoint, with its number from 1; None: go without asking.
     """
 
     def __init__(
@@ -54,24 +48,18 @@ class Arm:
         *,
         calibration: Calibration | None = None,
         observe_scene: Callable[[], Observation] | None = None,
-        limits: MotionLimits | None = None,
+        limits: MotionLimits = NO_BOXES,
         tolerance: Tolerance = TOLERANCE,
         open_width_m: float | None = None,
-        geometry: Geometry | None = None,
         reach_m: float | None = None,
         cameras: Rig | None = None,
-        viewpoints: Sequence[Pose] = (),
     ) -> None:
-        self.driver = driver
-        self.cameras, self.viewpoints = cameras, tuple(viewpoints)
+        self.driver, self.cameras = driver, cameras
         self.to_find: tuple[str, ...] = ()
-        self.confirm_viewpoint: ConfirmViewpoint | None = None
         self.calibration = calibration or Calibration.none()
-        self._limits = limits or MotionLimits(hand_radius_m=0.0)
-        self._observe_scene, self._tolerance = observe_scene, tolerance
-        self._interlock = Interlock(driver)
-        self._open_width_m = open_width_m
-        self._geometry, self._reach_m = geometry, reach_m
+        self._limits, self._tolerance, self._interlock = limits, tolerance, Interlock(driver)
+        self._observe_scene = observe_scene or Observation
+        self._open_width_m, self._reach_m = open_width_m, reach_m
         if tolerance.max_contact_force_n is not None and driver.state().wrench_n_nm is None:
             remedy = "an arm that reports them, such as a Franka or UR"
             raise InvalidInputError("max_contact_force_n", f"is set, but {driver.name} reports no forces", remedy)
@@ -98,33 +86,19 @@ class Arm:
         return self.state().matrix()
 
     def state(self) -> ArmState:
-        """Return the arm's present state in the world frame."""
+        """Return the arm's present state in the world frame; safe to call from another thread."""
         return self.calibration.state_to_world(self.driver.state())
 
-    def look_around(self) -> tuple[RgbdFrame, ...]:
-        """Move the hand to the viewpoints, and return the frames of all cameras (`Rig.look_around`).
-
-        Raises:
-            CameraError: naming the camera whose picture cannot be used.
-            NotConfirmedError: if a person did not allow a viewpoint.
-            MotionError, UnsafeActionError: as `execute`.
-        """
-        if self.cameras is None:
-            return ()
-        return self.cameras.look_around(self.hand_to_world, self.viewpoints, self._go_to_viewpoint)
-
-    def _go_to_viewpoint(self, number: int, pose: Pose) -> None:
-        if self.confirm_viewpoint is not None and not self.confirm_viewpoint(number, pose):
-            raise NotConfirmedError(f"viewpoint {number} was not allowed: there is no picture from it")
-        self.go_to(pose)
-        time.sleep(SETTLE_S)
+    def frames(self) -> tuple[RgbdFrame, ...]:
+        """Return what the cameras see now; raises as `Rig.frames`."""
+        return () if self.cameras is None else self.cameras.frames(self.hand_to_world)
 
     def observe(self) -> Observation:
-        """Return the scene as it is now, after moving to the viewpoints; raises as `look_around`."""
-        frames = self.look_around()
+        """Return the scene as it is now; raises as `frames`."""
+        frames = self.frames()
         if self.cameras is not None and self.cameras.table is not None:
             self.cameras.table.check(frames)
-        seen = Observation() if self._observe_scene is None else self._observe_scene()
+        seen = self._observe_scene()
         known = {item.name for item in seen.objects}
         to_find = dict.fromkeys((*seen.to_find, *(name for name in self.to_find if name not in known)))
         return Observation(seen.objects, (*seen.frames, *frames), to_find, self.state().pose(), seen.mask_ids)
@@ -138,13 +112,13 @@ class Arm:
         Raises:
             MotionError: if the arm does not answer.
         """
-        state, geometry = self.state(), self._known_geometry()
+        state = self.state()
         boxes = (*self._limits.keep_out, *limits.keep_out)
         return preview_plan(
             actions,
             self.calibration,
             MotionLimits(keep_out=boxes, hand_radius_m=max(self._limits.hand_radius_m, limits.hand_radius_m)),
-            geometry=geometry,
+            geometry=self._geometry(),
             reach_m=self._reach_m,
             joints_rad=state.joint_positions_rad,
             start_m=state.position_m.tolist(),
@@ -159,20 +133,18 @@ class Arm:
         guard = MotionGuard(self._limits, before=self.state().pose())
         for action in actions:
             guard.check(action)
-        asks_driver = self._known_geometry() is None
-        for number, item in enumerate(self.preview(actions, MotionLimits(hand_radius_m=0.0)), 1):
-            if item.reachable is False:
-                raise MotionError(f"action {number} of the plan: {item.problem}; nothing was moved")
-            if asks_driver:
-                try:
+        has_geometry = self._geometry() is not None
+        for number, item in enumerate(self.preview(actions, NO_BOXES), 1):
+            try:
+                if item.problem:
+                    raise MotionError(item.problem)
+                if not has_geometry:
                     self._check_reach(item.action)
-                except MotionError as error:
-                    raise MotionError(f"action {number} of the plan: {error}; nothing was moved") from error
+            except MotionError as error:
+                raise MotionError(f"action {number} of the plan: {error}; nothing was moved") from error
 
-    def _known_geometry(self) -> Geometry | None:
-        if self._geometry is None and isinstance(self.driver, KnowsItsJoints):
-            return self.driver.geometry()
-        return self._geometry
+    def _geometry(self) -> Chain | None:
+        return self.driver.geometry() if isinstance(self.driver, KnowsItsJoints) else None
 
     def _check_reach(self, action: EndEffectorAction) -> tuple[Array, Array]:
         """Return the action's pose in the base frame; raises MotionError if it is out of reach."""
@@ -211,7 +183,7 @@ class Arm:
             return error.without_action()
         except MotionError as error:
             return str(error)
-        return self.preview([there], MotionLimits(hand_radius_m=0.0))[0].warning
+        return self.preview([there], NO_BOXES)[0].problem
 
     @contextmanager
     def guided(self) -> Iterator[None]:
@@ -227,29 +199,6 @@ class Arm:
             self._interlock.begin(partial(guided.enter_context, self.driver.guided()))
             yield
             self._interlock.refuse_if_stopped()
-
-    @contextmanager
-    def steered(self) -> Iterator[Steer]:
-        """Let a person steer the hand within the context; it rests afterwards. Raises as `guided`.
-
-        Yield a function of a linear (3,) m/s and an angular velocity (3,) rad/s in the world frame, with which the hand
-        moves for 0.15 s at most. It returns "" or why the hand rests instead, such as a limit of the cell ahead.
-        """
-        if not isinstance(driver := self.driver, Steerable):
-            raise InvalidInputError("teleop", f"{driver.name} cannot be steered by its driver", "another arm")
-
-        def steer(velocity_m_s: Array, turning_rad_s: Array) -> str:
-            now, back = self.state(), rotations.inverse(self.calibration.quaternion_xyzw)
-            problem = self._tolerance.contact(now, velocity_m_s)
-            problem = problem or problem_ahead(now, velocity_m_s, turning_rad_s, self._limits, self._check_reach)
-            wanted = (np.zeros(3), np.zeros(3)) if problem else (velocity_m_s, turning_rad_s)
-            self._interlock.begin(partial(driver.steer, *(rotations.rotated(back, vector) for vector in wanted)))
-            return problem
-
-        with self._interlock.alone():
-            yield steer
-            steer(np.zeros(3), np.zeros(3))
-            self._interlock.wait(self._tolerance.motion_s)
 
     def set_gripper(self, *, is_open: bool) -> None:
         """Open or close the gripper where the arm is, also while it is guided; raises MotionError after a stop."""

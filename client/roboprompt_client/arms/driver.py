@@ -1,22 +1,20 @@
 """What a maker's interface must offer (`Driver`), in meters, radians and quaternions xyzw in the arm's base frame."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array, finite_array, settle, unit_quaternions
 from roboprompt_client.types.poses import Pose
 
 CALIBRATION_JSON = '{"base_to_world": {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}}, meters'
-MAX_SPEED_M_S = 2.0  # of a hand; larger numbers are no meters per second
 LOOK_FIRST = "once a person has looked, call recover(), or type roboprompt-robot recover"
-STEERED_S = 0.15  # how long a velocity holds: the arm rests soon if the program hangs or is cut off
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +63,6 @@ class ArmState:
     def matrix(self) -> Array:
         """Return the end effector's pose as (4, 4)."""
         return pose_matrix(self.position_m, self.quaternion_xyzw)
-
-    def moved(self, velocity_m_s: Array, turning_rad_s: Array, for_s: float) -> tuple[Array, Array]:
-        """Return the pose (3,), (4,) after a motion with velocities (3,), (3,) in the same frame for some time."""
-        turn = rotations.from_rotation_vector(for_s * turning_rad_s)
-        return self.position_m + for_s * velocity_m_s, rotations.product(turn, self.quaternion_xyzw)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +115,8 @@ class Calibration:
 class Driver(Protocol):
     """A maker's interface. `halt` and `state` may be called from other threads, the other methods from one only.
 
-    Every method raises MotionError if the arm does not answer, refuses, or does not do as commanded.
+    Every method raises MotionError if the arm does not answer, refuses, or does not do as commanded. A driver may also
+    have the methods of `Guidable` and of `geometry.KnowsItsJoints`.
 
     Attributes:
         name: for people.
@@ -156,7 +150,7 @@ class Driver(Protocol):
         ...
 
     def halt(self) -> None:
-        """Stop all motion at once, from any thread; no step of a motion (`Stepping`) may be sent afterwards."""
+        """Stop all motion at once, from any thread; no further step of a motion may be sent afterwards."""
         ...
 
     def recover(self) -> None:
@@ -177,40 +171,6 @@ class Guidable(Protocol):
         ...
 
 
-@runtime_checkable
-class Steerable(Protocol):
-    """A driver whose arm follows repeated velocity commands."""
-
-    def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
-        """Move the hand with a linear (3,) and an angular velocity (3,) in the base frame, and return at once.
-
-        The hand stops after `STEERED_S` unless another call follows; with zeros it stops at once.
-        """
-        ...
-
-
-class MakersObject:
-    """An object of a maker's package, whose methods raise MotionError instead of errors of any kind."""
-
-    def __init__(self, name: str, made: object) -> None:
-        self._name, self._made = name, made
-
-    def __getattr__(self, method: str) -> Callable[..., Any]:
-        def call(*arguments: Any, **named: Any) -> Any:  # noqa: ANN401
-            try:
-                return getattr(self._made, method)(*arguments, **named)
-            except Exception as error:  # the packages' errors share no base class
-                raise MotionError(f"{self._name}: {method}: {error or type(error).__name__}") from error
-
-        return call
-
-
-def require_reach(position_m: Array, reach_m: float) -> None:
-    """Raise MotionError for a position (3,) that is farther than `reach_m` from the base."""
-    if (away_m := float(np.linalg.norm(position_m))) > reach_m:
-        raise MotionError(f"the pose is out of reach: {away_m:.3f} m from the base, at most {reach_m:g} m")
-
-
 def pose_matrix(position_m: Array, quaternion_xyzw: Array) -> Array:
     """Return (4, 4) of a position (3,) and a rotation (4,)."""
     matrix = np.eye(4)
@@ -227,4 +187,5 @@ def straight_way(
     turn = rotations.to_rotation_vector(rotations.product(quaternion_xyzw, rotations.inverse(here.quaternion_xyzw)))
     steps = math.ceil(max(float(np.linalg.norm(way_m)) / step_m, float(np.linalg.norm(turn)) / step_rad, 1.0))
     for part in np.arange(1, steps + 1) / steps:
-        yield here.moved(way_m, turn, part)
+        turned = rotations.product(rotations.from_rotation_vector(part * turn), here.quaternion_xyzw)
+        yield here.position_m + part * way_m, turned

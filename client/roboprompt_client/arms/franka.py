@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import LOOK_FIRST, STEERED_S, ArmState
-from roboprompt_client.arms.panda import LIMITS_RAD, PandaGeometry
+from roboprompt_client.arms.driver import LOOK_FIRST, ArmState
+from roboprompt_client.arms.named import LIMITS_RAD, PandaGeometry, checked_model
 from roboprompt_client.errors import InvalidInputError, MotionError
 from roboprompt_client.extras import import_extra
 from roboprompt_client.types.arrays import Array
@@ -29,9 +29,7 @@ MIN_TOOL_M = 0.03  # a gripper is longer; the Franka Hand: 0.1034
 CONNECT_S = 10.0
 WIDTH_TOLERANCE_M = 0.001
 POSE_TOLERANCE = 1e-6  # meters and radians
-DYNAMICS_MARGIN = 0.95  # franky's planner fails for velocities at the limit
-# Ruckig fails to synchronize one of about 70 motions, and one of about 200 steered velocities. At another speed it
-# succeeds; nothing has moved by then.
+# Ruckig fails to synchronize one of about 70 motions. At another speed it succeeds; nothing has moved by then.
 PLANNER_FAILED, SPEED_SHARES = "Motion planner failed", (1.0, 0.9, 0.8)
 # libfranka's words for commands that came too late for its loop of 1 kHz
 TOO_LATE = ("communication_constraints_violation", "UDP receive")
@@ -69,12 +67,10 @@ class Franka:
         gripper: bool = True,
         grasp_n: float = GRASP_N,
     ) -> None:
-        if model not in LIMITS_RAD:
-            raise InvalidInputError("model", f"is {model!r:.40}", ", ".join(LIMITS_RAD))
         if not 0 < dynamics <= 1:
             raise InvalidInputError("dynamics", f"is {dynamics!r:.40}", "above 0 and at most 1")
         self._franky = franky = import_extra("franky", "franky-control", "franka")
-        self._model, self._grasp_n, self._dynamics = model, grasp_n, dynamics
+        self._model, self._grasp_n = checked_model(model, LIMITS_RAD), grasp_n
         self._gripping = self._going = False
         self._attempts: Iterator[Any] = iter(())  # motions to the present target
         kernel = franky.RealtimeConfig.Enforce if realtime else franky.RealtimeConfig.Ignore
@@ -167,29 +163,6 @@ class Franka:
         if not ended:
             time.sleep(POLL_S)
         return ended
-
-    def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
-        """Velocities above the arm's dynamics are scaled down; the motion ends at rest by itself."""
-        with self._errors("steer"):
-            limits = (self._robot.translation_velocity_limit, self._robot.rotation_velocity_limit)
-            most = [DYNAMICS_MARGIN * self._dynamics * float(limit.get()) for limit in limits]
-            speeds = [float(np.linalg.norm(vector)) for vector in (velocity_m_s, turning_rad_s)]
-            slower = 1 / max(1.0, *(speed / fastest for speed, fastest in zip(speeds, most, strict=True)))
-            shares = [share * slower for share in SPEED_SHARES]
-            self._attempts = iter([self._held(share * velocity_m_s, share * turning_rad_s) for share in shares])
-        self._going = True
-        self._start_next()
-
-    def _held(self, velocity_m_s: Array, turning_rad_s: Array) -> Any:  # noqa: ANN401
-        """Return a motion with velocities that are held for `STEERED_S`, then to rest."""
-        franky = self._franky
-        points = []
-        if velocity_m_s.any() or turning_rad_s.any():
-            held = franky.RobotVelocity(franky.Twist(velocity_m_s, turning_rad_s))
-            duration = franky.Duration(round(1000 * STEERED_S))
-            points.append(franky.CartesianVelocityWaypoint(held, hold_target_duration=duration))
-        rest = franky.RobotVelocity(franky.Twist())
-        return franky.CartesianVelocityWaypointMotion([*points, franky.CartesianVelocityWaypoint(rest)])
 
     def set_gripper(self, *, is_open: bool) -> None:
         if (hand := self._gripper) is None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roboprompt_client.arms.driver import Calibration
-from roboprompt_client.arms.geometry import Geometry, Nearest
+from roboprompt_client.arms.geometry import Chain, Nearest
 from roboprompt_client.errors import MotionError
 from roboprompt_client.motion.guard import enters
 from roboprompt_client.motion.limits import Box, MotionLimits
@@ -61,7 +61,7 @@ def preview_plan(
     calibration: Calibration,
     limits: MotionLimits,
     *,
-    geometry: Geometry | None = None,
+    geometry: Chain | None = None,
     reach_m: float | None = None,
     joints_rad: Array | None = None,
     start_m: Sequence[float] | None = None,

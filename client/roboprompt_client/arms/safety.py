@@ -6,21 +6,15 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
-import numpy as np
-
-from roboprompt_client.arms.driver import LOOK_FIRST, STEERED_S, ArmState, Driver
-from roboprompt_client.errors import MotionError, UnsafeActionError
-from roboprompt_client.motion.guard import MotionGuard
-from roboprompt_client.motion.limits import Box, MotionLimits, checked_bound
-from roboprompt_client.types.arrays import Array
+from roboprompt_client.arms.driver import LOOK_FIRST, ArmState, Driver
+from roboprompt_client.errors import MotionError
+from roboprompt_client.motion.limits import checked_bound
 from roboprompt_client.types.poses import EndEffectorAction
 
 log = logging.getLogger(__name__)
 MAX_START_S = 0.2
-BRAKING_S = 0.25
-AHEAD_S = STEERED_S + BRAKING_S  # how long the hand may still move after the last command
 
 
 class Interlock:
@@ -126,18 +120,9 @@ class Tolerance:
 
     def check_contact(self, state: Callable[[], ArmState]) -> None:
         """Raise MotionError if the hand meets too much force; `state` is called only if there is a bound."""
-        if self.max_contact_force_n is not None and (problem := self.contact(state())):
-            raise MotionError(problem)
-
-    def contact(self, state: ArmState, velocity_m_s: Array | None = None) -> str:
-        """Return which force is too large and where; empty if none, or if the velocity (3,) leads away from it."""
-        wrench, most_n = state.wrench_n_nm, self.max_contact_force_n
-        if wrench is None or most_n is None or state.force_n <= most_n:
-            return ""
-        if velocity_m_s is not None and velocity_m_s @ wrench[:3] > 0:
-            return ""
-        where_m = state.position_m.round(3).tolist()
-        return f"the hand met {state.force_n:.1f} N at {where_m} m, at most {most_n:g} N are allowed"
+        if (most_n := self.max_contact_force_n) is not None and (now := state()).force_n > most_n:
+            where_m = now.position_m.round(3).tolist()
+            raise MotionError(f"the hand met {now.force_n:.1f} N at {where_m} m, at most {most_n:g} N are allowed")
 
     def check_gripper(self, width_m: float, open_width_m: float, *, is_open: bool) -> None:
         """Raise MotionError if the fingers, at least `open_width_m` apart when open, did not do as commanded."""
@@ -150,37 +135,3 @@ class Tolerance:
         if not is_open and is_wide and not is_closed:
             message = f"the gripper was to close, but still measures {1000 * width_m:.1f} mm"
             raise MotionError(f"{message} (if it held something before: give the cell `open_width_m`)")
-
-
-def problem_ahead(
-    now: ArmState,
-    velocity_m_s: Array,
-    turning_rad_s: Array,
-    limits: MotionLimits,
-    check: Callable[[EndEffectorAction], object],
-) -> str:
-    """Return why a steered hand must stop; empty if it may go on. A hand outside the workspace may return into it.
-
-    Args:
-        now, velocity_m_s, turning_rad_s: in the world frame; the velocities are (3,).
-        check: raises MotionError for a pose out of reach.
-    """
-    if not (velocity_m_s.any() or turning_rad_s.any()):
-        return ""
-    ahead = EndEffectorAction(*now.moved(velocity_m_s, turning_rad_s, AHEAD_S), gripper_open=True)
-    try:
-        MotionGuard(_widened(limits, now.position_m), before=now.pose()).check(ahead)
-        check(ahead)
-    except UnsafeActionError as error:
-        return f"ahead {error.without_action()}"
-    except MotionError as error:
-        return str(error)
-    return ""
-
-
-def _widened(limits: MotionLimits, position_m: Array) -> MotionLimits:
-    """Return the limits with a workspace that also contains the hand's position (3,)."""
-    if limits.workspace is None:
-        return limits
-    low, high = np.minimum(limits.workspace.min_m, position_m), np.maximum(limits.workspace.max_m, position_m)
-    return replace(limits, workspace=Box(tuple(low.tolist()), tuple(high.tolist())))

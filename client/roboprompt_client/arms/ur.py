@@ -1,11 +1,13 @@
 """Driver of a Universal Robots arm by the package ur-rtde: meters, rotation vectors, tool in the base frame."""
 
 import time
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from roboprompt_client.arms.driver import LOOK_FIRST, MAX_SPEED_M_S, STEERED_S, ArmState, MakersObject, pose_matrix
-from roboprompt_client.arms.ur_geometry import URGeometry, checked_model
+from roboprompt_client.arms.driver import LOOK_FIRST, ArmState, pose_matrix
+from roboprompt_client.arms.named import URGeometry, checked_model
 from roboprompt_client.errors import MotionError
 from roboprompt_client.extras import import_extra
 from roboprompt_client.motion.limits import checked_bound
@@ -13,10 +15,26 @@ from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array
 
 SPEED_M_S, ACCELERATION_M_S2 = 0.1, 0.3
+MAX_SPEED_M_S = 2.0  # of a hand; larger numbers are no meters per second
 STOP_M_S2 = 2.0
-SERVO_LOOKAHEAD_S, SERVO_GAIN = 0.1, 300.0
 POLL_S, GRIPPER_S = 0.05, 1.0
 FIRST_TOOL_OUTPUT = 16  # of the receive interface, which numbers all digital outputs in a row
+
+
+class MakersObject:
+    """An object of a maker's package, whose methods raise MotionError instead of errors of any kind."""
+
+    def __init__(self, name: str, made: object) -> None:
+        self._name, self._made = name, made
+
+    def __getattr__(self, method: str) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:  # noqa: ANN401
+            try:
+                return getattr(self._made, method)(*arguments)
+            except Exception as error:  # the package's errors share no base class
+                raise MotionError(f"{self._name}: {method}: {error or type(error).__name__}") from error
+
+        return call
 
 
 class UR:
@@ -24,7 +42,7 @@ class UR:
 
     Args:
         address: of the arm's controller, in remote control.
-        model: `ur3e`, `ur5e`, `ur10e` or `ur16e`: plans are previewed with its joints; None: unknown.
+        model: `ur3e`, `ur5e`, `ur10e` or `ur16e`: plans are checked with its joints; None: unknown.
         speed_m_s, acceleration_m_s2: of the tool.
         gripper_output: the tool's digital output that closes the gripper or switches the suction on; None: no gripper.
         gripper_s: how long the gripper takes.
@@ -53,7 +71,7 @@ class UR:
         self._control, self._receive = (self._connected(kind, address) for kind in ("Control", "Receive"))
         self._outputs = None if gripper_output is None else self._connected("IO", address)
         self._output, self._gripper_s = gripper_output, gripper_s
-        self._progress_before, self._steering = -1, False
+        self._progress_before = -1
 
     def _connected(self, kind: str, address: str) -> MakersObject:
         module = MakersObject(f"{self.name}, {address}", import_extra(f"rtde_{kind.lower()}", "ur-rtde", "ur"))
@@ -108,18 +126,6 @@ class UR:
         time.sleep(POLL_S)
         return False
 
-    def steer(self, velocity_m_s: Array, turning_rad_s: Array) -> None:
-        """Send a pose a little ahead, at which the arm rests unless another one follows."""
-        self._require_ready()
-        self._progress_before = 0  # unlike any progress of a motion that has ended
-        if not (velocity_m_s.any() or turning_rad_s.any()):
-            self._end_steering()
-            return
-        pose = _pose(*self.state().moved(velocity_m_s, turning_rad_s, STEERED_S))
-        self._steering = True
-        if not self._control.servoL(pose, 0.0, 0.0, STEERED_S, SERVO_LOOKAHEAD_S, SERVO_GAIN):
-            raise MotionError(f"{self.name}: the motion was refused")
-
     def set_gripper(self, *, is_open: bool) -> None:
         if self._outputs is None or is_open == self._gripper_open():
             return
@@ -128,16 +134,7 @@ class UR:
         time.sleep(self._gripper_s)
 
     def halt(self) -> None:
-        try:
-            self._end_steering()
-        finally:
-            self._control.stopL(STOP_M_S2)
-
-    def _end_steering(self) -> None:
-        """End the control script's servo thread, which would follow its last pose after `stopL`, too."""
-        if self._steering:
-            self._control.servoStop(STOP_M_S2)
-        self._steering = False
+        self._control.stopL(STOP_M_S2)
 
     def recover(self) -> None:
         """Restart the control script; a protective stop is unlocked on the pendant."""

@@ -1,1 +1,1 @@
-"""The cell's cameras: a driver for each kind (`picture` has the Protocol), the rig of all of them, and viewpoints."""
+"""The cell's cameras: a driver for each kind (`rig` has the Protocol), the rig of all of them, and calibration."""

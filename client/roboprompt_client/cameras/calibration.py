@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from roboprompt_client.cameras.board import find_board, rms_length
-from roboprompt_client.cameras.picture import Intrinsics
+from roboprompt_client.cameras.rig import Intrinsics
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.extras import import_extra
 from roboprompt_client.types.arrays import Array

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from roboprompt_client.cameras.picture import Intrinsics, Picture, undistorted
-from roboprompt_client.errors import CameraError, InvalidInputError
+from roboprompt_client.cameras.rig import Intrinsics, Picture
+from roboprompt_client.errors import CameraError
 from roboprompt_client.extras import import_extra
 
 WARM_UP_FRAMES = 30  # for the automatic exposure, 1 s at 30 Hz
@@ -124,16 +124,7 @@ class RealSense:
         rgb = np.array(color.get_data(), np.uint8)
         depth_m = np.asarray(depth.get_data()).astype(np.float32) * np.float32(scale)
         intrinsics = Intrinsics(k.fx, k.fy, k.ppx, k.ppy, k.width, k.height)
-        return undistorted(Picture(rgb, depth_m, intrinsics, taken_s, scale), k.coeffs)
-
-
-def realsense_serials() -> list[str]:
-    """Return the serials of the cameras that are plugged in; empty if pyrealsense2 is not installed."""
-    try:
-        rs = import_extra("pyrealsense2", "pyrealsense2", "realsense")
-    except InvalidInputError:
-        return []
-    return [device.get_info(rs.camera_info.serial_number) for device in rs.context().query_devices()]
+        return Picture(rgb, depth_m, intrinsics, taken_s, scale).undistorted(k.coeffs)
 
 
 def _plugged_in(rs: Any, serial: str | None) -> Any:  # noqa: ANN401

@@ -1,25 +1,107 @@
-"""A cell's cameras with their mounts: pictures become calibrated frames, or an error names the camera."""
+"""A cell's cameras: what a driver offers, and pictures that become calibrated frames, or an error names the camera."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from hashlib import blake2b
+from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
-from roboprompt_client.cameras.picture import CameraDriver, Picture
 from roboprompt_client.cameras.table import Table
 from roboprompt_client.errors import CameraError, InvalidInputError
+from roboprompt_client.extras import import_extra
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
-from roboprompt_client.types.poses import Pose
 
+INTRINSICS = '{"fx": .., "fy": .., "cx": .., "cy": .., "width": .., "height": ..}, pixels'
 MAX_UNKNOWN_DEPTH = 0.5  # share of pixels
 MAX_SKEW_S = 0.25  # of a camera's clock against this computer's
 # Of the hand while its camera takes a picture; at 0.5 m this shifts an object by 2 mm at most.
 MAX_HAND_MOTION_M, MAX_HAND_TURN_RAD = 0.001, 0.002
 SETTLE_S = 0.3  # after a motion, because arms swing a little
 HandPose = Callable[[], Array]
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A pinhole camera's intrinsics and image size. Pixel centers are whole numbers."""
+
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    width_px: int
+    height_px: int
+
+    @property
+    def matrix(self) -> Array:
+        """OpenCV's camera matrix (3, 3)."""
+        return np.array([[self.fx_px, 0, self.cx_px], [0, self.fy_px, self.cy_px], [0, 0, 1]])
+
+    @classmethod
+    def from_json(cls, field: str, document: object) -> "Intrinsics":
+        """Return the intrinsics of a JSON object; raises InvalidInputError naming `field`."""
+        try:
+            k: Mapping[str, Any] = document  # type: ignore[assignment]
+            fx, fy, cx, cy = (float(k[name]) for name in ("fx", "fy", "cx", "cy"))
+            return cls(fx, fy, cx, cy, int(k["width"]), int(k["height"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise InvalidInputError(field, f"are {document!r:.120}", INTRINSICS) from error
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """One camera's picture of one moment, without lens distortion.
+
+    Attributes:
+        rgb: (H, W, 3) uint8, red first.
+        depth_m: (H, W) float32 meters along the color camera's optical axis, 0 where unknown; None without depth.
+        taken_s: seconds since 1970, by this computer's clock.
+        depth_scale: meters per unit of the camera's own depth images.
+    """
+
+    rgb: npt.NDArray[np.uint8]
+    depth_m: npt.NDArray[np.float32] | None
+    intrinsics: Intrinsics
+    taken_s: float
+    depth_scale: float = 0.001
+
+    def undistorted(self, distortion: Sequence[float]) -> "Picture":
+        """Return the picture without lens distortion; the intrinsics stay.
+
+        Args:
+            distortion: OpenCV's k1 k2 p1 p2 [k3 ...]; empty or all 0: the picture is returned as it is.
+
+        Raises:
+            InvalidInputError: if OpenCV is needed and not installed.
+        """
+        if not any(distortion):
+            return self
+        cv2 = import_extra("cv2", "opencv-python-headless", "images")
+        matrix, size_px = self.intrinsics.matrix, (self.intrinsics.width_px, self.intrinsics.height_px)
+        maps = cv2.initUndistortRectifyMap(matrix, np.array(distortion, float), None, matrix, size_px, cv2.CV_32FC1)
+        rgb = cv2.remap(self.rgb, *maps, cv2.INTER_LINEAR)
+        # interpolating depth between two surfaces would give points on neither
+        depth_m = None if self.depth_m is None else cv2.remap(self.depth_m, *maps, cv2.INTER_NEAREST)
+        return replace(self, rgb=rgb, depth_m=depth_m)
+
+
+class CameraDriver(Protocol):
+    """A kind of camera. `read` is called while arm and scene rest."""
+
+    def read(self) -> Picture:
+        """Return a picture that is taken after the call.
+
+        Raises:
+            CameraError: if there is none (unplugged, too slow, no frame); the caller adds the camera's name.
+        """
+        ...
+
+    def close(self) -> None:
+        """Disconnect."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +118,11 @@ class MountedCamera:
     in_hand: bool = False
     mount: Array | None = None
 
-    def calibrated(self, picture: Picture, hand_to_world: Array | None, name: str = "") -> RgbdFrame:
+    def calibrated(self, picture: Picture, hand_to_world: Array | None) -> RgbdFrame:
         """Return the picture as a frame with its camera's pose in the world.
 
         Args:
             hand_to_world: (4, 4) at the time of the picture; needed for a camera in the hand.
-            name: of the frame's camera; "": the camera's own.
 
         Raises:
             InvalidInputError: if the camera is not calibrated, or picture and intrinsics do not fit.
@@ -54,7 +135,7 @@ class MountedCamera:
             assert hand_to_world is not None
             pose = hand_to_world @ self.mount
         numbers = (k.fx_px, k.fy_px, k.cx_px, k.cy_px)
-        camera = Camera(name or self.name, *numbers, pose, picture.depth_scale, (k.width_px, k.height_px))
+        camera = Camera(self.name, *numbers, pose, picture.depth_scale, (k.width_px, k.height_px))
         return RgbdFrame(camera, picture.rgb, picture.depth_m)
 
 
@@ -80,39 +161,17 @@ class Rig:
         for camera in self.cameras:
             camera.driver.close()
 
-    def frames(self, hand: HandPose | None = None, *, only: Sequence[str] | None = None) -> tuple[RgbdFrame, ...]:
+    def frames(self, hand: HandPose | None = None) -> tuple[RgbdFrame, ...]:
         """Return what the cameras see now.
 
         Args:
             hand: returns the hand's pose (4, 4) in the world; needed for cameras in the hand.
-            only: names of cameras; None: all.
 
         Raises:
             CameraError: naming the camera whose picture is missing, old, frozen, without depth, or taken in motion.
             InvalidInputError: if a camera is not calibrated.
         """
-        chosen = [camera for camera in self.cameras if only is None or camera.name in only]
-        return tuple(camera.calibrated(*self.picture(camera, hand)) for camera in chosen)
-
-    def look_around(
-        self, hand: HandPose, viewpoints: Sequence[Pose], go_to: Callable[[int, Pose], None]
-    ) -> tuple[RgbdFrame, ...]:
-        """Return the frames of all cameras; a camera in the hand gives one at each viewpoint, as NAME.1, NAME.2 ...
-
-        Cameras that stand still take theirs before the hand moves. Without viewpoints each camera takes one.
-
-        Args:
-            go_to: moves the hand to a viewpoint, given its number from 1. Its errors are raised.
-        """
-        carried = [camera for camera in self.cameras if camera.in_hand]
-        if not viewpoints or not carried:
-            return self.frames(hand)
-        frames = list(self.frames(only=[camera.name for camera in self.cameras if not camera.in_hand]))
-        for number, pose in enumerate(viewpoints, 1):
-            go_to(number, pose)
-            for camera in carried:
-                frames.append(camera.calibrated(*self.picture(camera, hand), name=f"{camera.name}.{number}"))
-        return tuple(frames)
+        return tuple(camera.calibrated(*self.picture(camera, hand)) for camera in self.cameras)
 
     def picture(self, camera: MountedCamera, hand: HandPose | None = None) -> tuple[Picture, Array | None]:
         """Return a camera's picture, and the hand's pose (4, 4) at that time (None for a camera that stands still)."""

@@ -29,13 +29,6 @@ STYLE = (
     "text{font:600 14px system-ui,sans-serif;paint-order:stroke;stroke:#000;stroke-width:3px;fill:#fff}"
     "figure{display:inline-block;margin:0 1em 1em 0;width:min(100%,480px)}"
 )
-# A click shows the pixel under the mouse as an option of `roboprompt-robot label`.
-SCRIPT = (
-    "for(const picture of document.querySelectorAll('svg'))picture.onclick=event=>{"
-    "const at=new DOMPoint(event.clientX,event.clientY).matrixTransform(picture.getScreenCTM().inverse());"
-    "document.getElementById('clicked').textContent="
-    "`--click ${picture.dataset.camera} ${Math.floor(at.x)} ${Math.floor(at.y)}`}"
-)
 
 
 class SeenObject(NamedTuple):
@@ -143,8 +136,7 @@ def sight_page(sight: Sight) -> str:
     figures = "".join(_figure(frame, poses) for frame in sight.frames)
     tables = "".join(_table(*rows) for rows in (sight.object_rows(), sight.camera_rows()))
     head = f'<meta charset="utf-8"><title>What the cameras see</title><style>{STYLE}</style>'
-    title = '<h1>What the cameras see</h1><p id="clicked">Click into a picture for the option of `label`.</p>'
-    return f'<!doctype html><html lang="en">{head}{title}{doubts}{figures}{tables}<script>{SCRIPT}</script></html>\n'
+    return f'<!doctype html><html lang="en">{head}<h1>What the cameras see</h1>{doubts}{figures}{tables}</html>\n'
 
 
 def _table(columns: Sequence[str], *rows: Sequence[str]) -> str:
@@ -168,7 +160,7 @@ def _figure(frame: RgbdFrame, poses: Iterable[ObjectPose]) -> str:
     picture = f'<image href="{address}" width="{width_px}" height="{height_px}"/>'
     marks = "".join(_mark(frame, pose) for pose in poses)
     name = escape(frame.camera.name)
-    box = f'data-camera="{name}" viewBox="0 0 {width_px} {height_px}"'
+    box = f'viewBox="0 0 {width_px} {height_px}"'
     return f"<figure><svg {box}>{picture}{marks}</svg><figcaption>{name}</figcaption></figure>"
 
 

@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.cameras.picture import Intrinsics
-from roboprompt_client.cameras.rig import SETTLE_S, MountedCamera, check_rest
+from roboprompt_client.cameras.rig import SETTLE_S, Intrinsics, MountedCamera, check_rest
 from roboprompt_client.cell import read_cell, write_cell
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.shared import CELL, AddCommand, seeing_arm
-from roboprompt_client.commands.terminal import ask, ask_yes, in_columns, say
+from roboprompt_client.commands.shared import CELL, AddCommand, ask, ask_yes, in_columns, say, seeing_arm
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.extras import import_extra
 from roboprompt_client.types import quaternions as rotations
@@ -120,8 +118,8 @@ def _visited(arm: Arm) -> Iterator[int]:
             say(f"  a pose is left out: {problem}")
             continue
         number += 1
-        assert arm.confirm_viewpoint is not None
-        if not arm.confirm_viewpoint(number, pose):
+        x_m, y_m, z_m = pose.position_m
+        if not ask_yes(f"pose {number}: the hand goes to {x_m:.3f} {y_m:.3f} {z_m:.3f} m. Go? [y/N] "):
             continue
         arm.go_to(pose)
         time.sleep(SETTLE_S)

@@ -4,31 +4,23 @@ import math
 import threading
 import time
 from argparse import Namespace
-from collections.abc import Sequence
 
 import numpy as np
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.shared import ROBOT, AddCommand
-from roboprompt_client.commands.terminal import ask_yes, say
+from roboprompt_client.commands.shared import ROBOT, AddCommand, ask_yes, say
 from roboprompt_client.errors import MotionError, RoboPromptError
 from roboprompt_client.robot import Robot
 from roboprompt_client.types import quaternions as rotations
-from roboprompt_client.types.arrays import Array, finite_array
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 LIFT_M, TURN_RAD = 0.03, math.radians(10)
 POSITION_TOLERANCE_M, ROTATION_TOLERANCE_DEG = 0.005, 2.0
-TOUCH_TOLERANCE_M = 0.005  # a person guides the hand to a corner within 2 mm
 MAX_OBSERVE_S = 1.0  # a longer observation delays the motion noticeably where the robot looks again
 STOP_AFTER_S, MAX_STOP_S = 0.3, 1.0
 MOVE = "move 3 cm up, rotate by 10 degrees, close and open the gripper, stop; asks first"
-TOUCH = (
-    "meters, world frame: a place, such as a corner of the ChArUco board, to which you guide the fingers by hand; "
-    "prints how far the arm's own pose is off (may be repeated)"
-)
 MARKS = {True: "ok  ", False: "FAIL", None: "look"}
 
 
@@ -38,35 +30,27 @@ def add_check(add: AddCommand) -> None:
     check = add("check", what, run_check)
     check.add_argument("--robot", metavar="ROBOT", required=True, help=ROBOT)
     check.add_argument("--move", action="store_true", help=MOVE)
-    check.add_argument("--touch", nargs=3, type=float, action="append", default=[], metavar=("X", "Y", "Z"), help=TOUCH)
 
 
 def run_check(_: RoboPromptClient, arguments: Namespace) -> int:
     """Print a line for each check as soon as it is done; return 1 if one failed, else 0."""
-    touched_m = [finite_array(f"--touch[{k}]", place_m, (3,)) for k, place_m in enumerate(arguments.touch)]
     with closing_robot(open_robot(arguments.robot, cameras=False)) as robot:
-        return int(not ArmCheck(robot, moves=arguments.move, touched_m=touched_m).run())
+        return int(not ArmCheck(robot, moves=arguments.move).run())
 
 
 class ArmCheck:
     """The checks of one robot; with `moves` it lifts the hand by 3 cm, rotates it by 10 degrees, and uses the gripper.
 
-    Before the first motion, and at each place, it asks the person at the terminal.
-
-    Args:
-        touched_m: places (3,) in the world frame to which a person guides the point between the fingertips, such as
-            corners of the ChArUco board with which the camera was calibrated.
+    Before the first motion it asks the person at the terminal.
     """
 
-    def __init__(self, robot: Robot, *, moves: bool = False, touched_m: Sequence[Array] = ()) -> None:
-        self._robot, self._moves, self._touched_m = robot, moves, touched_m
+    def __init__(self, robot: Robot, *, moves: bool = False) -> None:
+        self._robot, self._moves = robot, moves
         self._sound = True
 
     def run(self) -> bool:
         """Return whether no check failed; if a motion fails, the arm is stopped and further motions are left out."""
         if (start := self._check_observation()) is not None:
-            for place_m in self._touched_m:
-                self._check_touch(place_m)
             rises = f"The hand will rise by {100 * LIFT_M:.0f} cm and rotate by 10 degrees. Is the space above it free?"
             if self._moves and ask_yes(f"{rises} [y/N] "):
                 self._check_motions(start)
@@ -97,25 +81,6 @@ class ArmCheck:
         if isinstance(self._robot, Arm) and (problem := self._robot.problem_with(hand)):
             self._say("observe: limits", None, f"the hand could not go to where it is: {problem}")
         return hand
-
-    def _check_touch(self, place_m: Array) -> None:
-        """Compare the arm's pose with a place that a person guides the hand to."""
-        named = ", ".join(f"{value:.3f}" for value in place_m)
-        if not ask_yes(f"Guide the point between the fingertips to {named} m, by hand. Is it there? [y/N] "):
-            self._say(f"touch {named}", None, "was left out")
-            return
-        try:
-            hand = self._robot.observe().end_effector
-        except RoboPromptError as error:
-            self._say(f"touch {named}", False, str(error))
-            return
-        assert hand is not None
-        off_m = np.array(hand.position_m) - place_m
-        along = ", ".join(f"{1000 * value:+.1f}" for value in off_m)
-        detail = f"the arm's pose is {1000 * np.linalg.norm(off_m):.1f} mm off ({along} along x, y, z)"
-        remedy = "base_to_world, the tool's length or the board's place is wrong by that"
-        passed = float(np.linalg.norm(off_m)) <= TOUCH_TOLERANCE_M
-        self._say(f"touch {named}", passed, detail if passed else f"{detail}: {remedy}")
 
     def _check_motions(self, start: Pose) -> None:
         home_m, home = np.array(start.position_m), np.array(start.quaternion_xyzw)

@@ -1,47 +1,59 @@
 """`roboprompt-robot record`: record demonstrations while a person moves the arm, and upload them."""
 
+import os
+import select
+import sys
+import termios
+import tty
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Guidable
+from roboprompt_client.cell import closing_robot, open_robot
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.commands.record_live import record_live, require_movable
 from roboprompt_client.commands.shared import (
     ROBOT,
     SEEN,
     AddCommand,
     add_find,
-    asking_robot,
+    ask,
+    ask_yes,
     find_in_pictures,
     other_base,
+    recovered,
     require_same_base,
+    say,
     task_document,
 )
-from roboprompt_client.commands.terminal import ask, ask_yes, recovered, say
 from roboprompt_client.errors import (
     CameraError,
     InvalidInputError,
     MotionError,
+    ServiceProblemError,
     ServiceUnreachableError,
 )
-from roboprompt_client.recording.journal import films_from_journal
-from roboprompt_client.recording.recorder import (
+from roboprompt_client.recording import (
     RATE_HZ,
     HasState,
-    checked_film_hz,
+    Progress,
+    Recorder,
     checked_rate_hz,
+    upload_recording,
+    write_recording,
 )
-from roboprompt_client.recording.spool import JOURNAL, UNFINISHED, Sent, Spool
 from roboprompt_client.robot import Observation, Robot, observation_from_file
-from roboprompt_client.types.film import FILM_HZ
 from roboprompt_client.types.names import checked_instruction, checked_name
+from roboprompt_client.types.trajectory import Trajectory
 
-SPOOL = Path("recordings")
-FILMED = "pictures a second that each camera of the cell takes meanwhile; 0: none (default: %(default)g)"
-STEER = "steer the hand with keyboard or spacemouse, or with a LeRobot leader arm that MODULE:FACTORY returns"
+FOLDER = Path("recordings")
+KEYS = "o: open the gripper   c: close it   x: discard   Enter: keep"
+OPEN, CLOSE, KEEP, DISCARD = "o", "c", "\r\n", "x"
+SHOWN_S = 0.2
+CLEAR_LINE = "\x1b[K"
+MAX_KEYS = 64  # per read
 
 
 def add_record(add: AddCommand) -> None:
@@ -49,77 +61,56 @@ def add_record(add: AddCommand) -> None:
     record = add("record", "record demonstrations while a person moves the arm, and upload them", run_record)
     option = record.add_argument
     option("--robot", metavar="ROBOT", help=ROBOT)
-    option("--task", help="needed unless --send-only")
-    option("--instruction", help="needed unless --send-only")
+    option("--task", help="needed unless --upload")
+    option("--instruction", help="needed unless --upload")
     option("--objects", type=Path, metavar="FILE", help=f"{SEEN}, if the robot does not know them itself")
     add_find(record)
-    option("--spool", type=Path, default=SPOOL, help=f"folder of recordings that wait (default: {SPOOL})")
-    rate, film = partial(_number, checked_rate_hz), partial(_number, checked_film_hz)
-    option("--rate-hz", type=rate, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)")
-    option("--film-hz", type=film, default=FILM_HZ, help=FILMED)
-    moved_by = record.add_mutually_exclusive_group()
-    what = "let the arm carry its own weight and yield to your hand (Franka only)"
-    moved_by.add_argument("--guide", action="store_true", help=what)
-    moved_by.add_argument("--teleop", metavar="DEVICE", type=_device, help=STEER)
-    what = "upload recordings that wait, also those that were interrupted, and record nothing"
-    option("--send-only", action="store_true", help=what)
-    record.set_defaults(corrects=None)
+    option("--folder", type=Path, default=FOLDER, help=f"where recordings are kept (default: {FOLDER})")
+    option("--rate-hz", type=_rate_hz, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)")
+    option("--guide", action="store_true", help="let the arm carry its weight and yield to your hand (Franka only)")
+    option("--upload", type=Path, metavar="RECORDING", help="send a recording again, by its folder; record nothing")
 
 
-def _number(checked: Callable[[float], float], text: str) -> float:
+def _rate_hz(text: str) -> float:
     try:
-        return checked(float(text))
+        return checked_rate_hz(float(text))
     except ValueError as error:  # an InvalidInputError, too
         raise ArgumentTypeError(str(error)) from error
 
 
-def _device(text: str) -> str:
-    if text in ("keyboard", "spacemouse") or ":" in text:
-        return text
-    raise ArgumentTypeError(f"{text!r:.40} is none of keyboard, spacemouse, MODULE:FACTORY")
-
-
 def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
-    """Record until the person ends it, and upload; recordings that the service cannot take now wait in the spool.
-
-    Return 1 if the service refused a recording or did not answer, else 0.
-    """
-    try:
-        spool = Spool(arguments.spool)
-    except OSError as error:
-        raise InvalidInputError("--spool", str(error), "a folder of this user's that can be written") from error
-    if arguments.send_only:
-        spool.finish_all()
-        return _send_all(client, spool)
+    """Record until the person ends it, and upload; return 1 if a recording was broken off or not stored, else 0."""
+    if arguments.upload is not None:
+        return _upload(client, arguments.upload)
     for name in ("robot", "task", "instruction"):
         if getattr(arguments, name) is None:
-            raise InvalidInputError(f"--{name}", "is missing", "needed unless --send-only")
+            raise InvalidInputError(f"--{name}", "is missing", "needed unless --upload")
     checked_name("--task", arguments.task)
     checked_instruction("--instruction", arguments.instruction)
     if arguments.objects is not None:
         observation_from_file("--objects", arguments.objects)  # report its faults before the recording
-    with asking_robot(arguments.robot) as robot:
-        return _record_all(client, robot, spool, arguments)
-
-
-def _record_all(client: RoboPromptClient, robot: Robot, spool: Spool, arguments: Namespace) -> int:
-    """Record until the person ends it; return 1 if the service refused a recording or did not answer, else 0."""
-    if not hasattr(robot, "state"):
-        raise InvalidInputError("--robot", "has no `state`", "an arm of a cell's file, or `state` returns an ArmState")
-    require_movable(robot, guide=arguments.guide, teleop=arguments.teleop)
-    find_in_pictures(robot, client, arguments.task, arguments.find)
-    _announce(client, robot, arguments)
-    failed = 0
-    while ask("Enter to record, q to end: ") not in ("q", None):
-        try:
-            _record_one(robot, spool, arguments)
-        except MotionError as error:
-            say(str(error))
-            failed = 1
-            if not recovered(robot):
-                break
-        failed |= _send_all(client, spool)
+    with closing_robot(open_robot(arguments.robot)) as robot:
+        if not hasattr(robot, "state"):
+            valid = "an arm of a cell's file, or `state` returns an ArmState"
+            raise InvalidInputError("--robot", "has no `state`", valid)
+        if arguments.guide and not _can_be_guided(robot):
+            raise InvalidInputError("--guide", "this arm cannot be guided by its driver", "its maker's button")
+        find_in_pictures(robot, client, arguments.task, arguments.find)
+        _announce(client, robot, arguments)
+        failed = 0
+        while ask("Enter to record, q to end: ") not in ("q", None):
+            try:
+                failed |= _record_one(client, robot, arguments)
+            except MotionError as error:
+                say(f"broken off, and not kept: {error}")
+                failed = 1
+                if not recovered(robot):
+                    break
     return failed
+
+
+def _can_be_guided(robot: Robot) -> bool:
+    return isinstance(robot, Arm) and isinstance(robot.driver, Guidable)
 
 
 def _announce(client: RoboPromptClient, robot: Robot, arguments: Namespace) -> None:
@@ -132,22 +123,18 @@ def _announce(client: RoboPromptClient, robot: Robot, arguments: Namespace) -> N
             if base := other_base(robot, {}):
                 client.configure_task(arguments.task, **base)
     except ServiceUnreachableError as error:
-        say(f"{error} Recordings wait in {arguments.spool}.")
+        say(f"{error} Recordings are kept in {arguments.folder}.")
 
 
 def offer_correction(client: RoboPromptClient, robot: Robot, task: str, instruction: str, prediction_id: str) -> None:
     """After a run that failed, offer to record a demonstration that corrects its prediction."""
-    if not hasattr(robot, "state") or not ask_yes("Show how it is done? Put the scene back first. [y/N] "):
-        return
-    spool = Spool(SPOOL)
-    guide = isinstance(robot, Arm) and isinstance(robot.driver, Guidable)
-    how = {"objects": None, "rate_hz": RATE_HZ, "film_hz": FILM_HZ, "guide": guide, "teleop": None}
-    _record_one(robot, spool, Namespace(task=task, instruction=instruction, corrects=prediction_id, **how))
-    _send_all(client, spool)
+    if hasattr(robot, "state") and ask_yes("Show how it is done? Put the scene back first. [y/N] "):
+        how = {"objects": None, "rate_hz": RATE_HZ, "guide": _can_be_guided(robot), "folder": FOLDER}
+        _record_one(client, robot, Namespace(task=task, instruction=instruction, **how), corrects=prediction_id)
 
 
-def _record_one(robot: Robot, spool: Spool, options: Namespace) -> None:
-    """Record one demonstration with the command's options; an interrupted one stays in the spool, unfinished.
+def _record_one(client: RoboPromptClient, robot: Robot, options: Namespace, corrects: str | None = None) -> int:
+    """Record and upload one demonstration with the command's options; return 1 if it was not stored.
 
     Raises:
         MotionError: if the arm ended it.
@@ -157,24 +144,14 @@ def _record_one(robot: Robot, spool: Spool, options: Namespace) -> None:
         seen = _seen(robot, options.objects)
     except CameraError as error:
         say(str(error))
-        return
-    folder = spool.new(options.task, options.instruction, seen, options.corrects)
-    arm: HasState = robot  # type: ignore[assignment]  # checked by the caller: it has `state`
-    moved_by = {"guide": options.guide, "teleop": options.teleop}
-    try:
-        trajectory = record_live(arm, folder / UNFINISHED, options.rate_hz, film_hz=options.film_hz, **moved_by)
-    except (MotionError, InvalidInputError, KeyboardInterrupt):
-        if (folder / UNFINISHED).exists():
-            say(f"interrupted, and not uploaded: it is in {folder}; `roboprompt-robot record --send-only` uploads it")
-        else:
-            spool.discard(folder)
-        raise
+        return 1
+    trajectory = record_live(robot, options.rate_hz, guide=options.guide)  # type: ignore[arg-type]  # it has `state`
     if trajectory is None:
-        spool.discard(folder)
-        return
-    spool.finish(folder)
-    films = [f"film of {film.camera}: {len(film.pictures)}" for film in films_from_journal(folder / JOURNAL)]
-    say(", ".join([f"{len(trajectory)} frames", f"{trajectory.num_joints} joints", *films]))
+        return 0
+    metadata = {"task": options.task, "instruction": options.instruction, "corrects": corrects}
+    folder = write_recording(options.folder, metadata, trajectory, seen)
+    say(f"{len(trajectory)} frames, {trajectory.num_joints} joints")
+    return _upload(client, folder)
 
 
 def _seen(robot: Robot, objects: Path | None) -> Observation:
@@ -188,29 +165,90 @@ def _seen(robot: Robot, objects: Path | None) -> Observation:
     return Observation(given.objects, seen.frames, [name for name in seen.to_find if name not in known])
 
 
-def _send_all(client: RoboPromptClient, spool: Spool) -> int:
-    """Upload the recordings that wait; return 1 if one was refused or the service does not answer, else 0."""
-    refused = 0
-    for folder in spool.waiting():
+def _upload(client: RoboPromptClient, folder: Path) -> int:
+    """Upload a recording, and say what the service answers; return 1 if it is not stored, else 0."""
+    try:
+        answer = upload_recording(client, folder)
+    except (ServiceUnreachableError, ServiceProblemError) as error:
+        say(f"not stored: {error}\nsend it again: roboprompt-robot record --upload {folder}")
+        return 1
+    say(f"stored as {answer['id']}: {len(answer.get('keyframes', ()))} keyframes")
+    for item in answer.get("findings", ()):
+        say(f"  {item['severity']} {item['code']}: {item['message']}")
+    return 0
+
+
+def record_live(arm: HasState, rate_hz: float, *, guide: bool = False) -> Trajectory | None:
+    """Record until the person ends it; keys open and close the gripper, and a line shows the progress.
+
+    Args:
+        guide: let the arm yield to the person's hand.
+
+    Returns:
+        the recording, or None if the person discards it.
+
+    Raises:
+        InvalidInputError: if the recording is invalid.
+        MotionError, KeyboardInterrupt: if arm or person broke it off.
+    """
+    with arm.guided() if guide else nullcontext():  # type: ignore[attr-defined]  # see `_can_be_guided`
+        recorder = Recorder(arm, rate_hz)
+        recorder.start()
         try:
-            sent = spool.send(client, folder)
-        except ServiceUnreachableError as error:
-            say(f"{error}; it waits in {folder}")
-            return 1
-        except InvalidInputError as error:
-            say(f"{folder}: {error}")
-            refused = 1
-            continue
-        refused |= not sent.stored
-        say(_answer_text(sent))
-    return refused
+            keep = _until_ended(arm, recorder)
+        except BaseException:
+            with suppress(MotionError, InvalidInputError):
+                recorder.stop()
+            raise
+        finally:
+            _show("\n")
+        trajectory = recorder.stop()
+    return trajectory if keep else None
 
 
-def _answer_text(sent: Sent) -> str:
-    """Return the answer to a recording for a person: keyframes and findings, or why it was refused."""
-    answer = sent.answer
-    if not sent.stored:
-        return f"refused: {answer.get('detail', answer.get('title'))} ({sent.folder})"
-    lines = [f"stored as {answer['id']}: {len(answer.get('keyframes', ()))} keyframes"]
-    lines += [f"  {item['severity']} {item['code']}: {item['message']}" for item in answer.get("findings", ())]
-    return "\n".join(lines)
+def _until_ended(arm: HasState, recorder: Recorder) -> bool:
+    """Serve the person's keys until they end the recording; return whether they keep it."""
+    _show(f"{KEYS}\n")
+    with keyboard() as pressed:
+        while True:
+            for key in pressed(SHOWN_S):
+                if key in KEEP or key == DISCARD:
+                    return key != DISCARD
+                if key in (OPEN, CLOSE) and hasattr(arm, "set_gripper"):
+                    arm.set_gripper(is_open=key == OPEN)
+            if (progress := recorder.progress) is not None:
+                _show(f"\r{_line(progress)}{CLEAR_LINE}")
+
+
+@contextmanager
+def keyboard() -> Iterator[Callable[[float], str]]:
+    """Yield a function that returns the keys pressed since its last call; it waits for one at most the given seconds.
+
+    Within the context keys are not echoed. If standard input is not a terminal, the function waits for a line.
+    """
+    if not sys.stdin.isatty():
+        yield lambda _: ask("") or "\n"
+        return
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # keys typed before still count
+    try:
+        yield _pressed
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def _pressed(wait_s: float) -> str:
+    if not select.select([sys.stdin], [], [], wait_s)[0]:
+        return ""
+    return os.read(sys.stdin.fileno(), MAX_KEYS).decode(errors="ignore") or DISCARD  # a terminal that was closed
+
+
+def _line(progress: Progress) -> str:
+    state = progress.state
+    x_m, y_m, z_m = state.position_m
+    width = "" if state.gripper_width_m is None else f"  gripper {1000 * state.gripper_width_m:3.0f} mm"
+    return f"{progress.elapsed_s:6.1f} s  {progress.rate_hz:4.0f} Hz  hand {x_m:+.3f} {y_m:+.3f} {z_m:+.3f} m{width}"
+
+
+def _show(text: str) -> None:
+    print(text, end="", file=sys.stderr, flush=True)

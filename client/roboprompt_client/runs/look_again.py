@@ -9,14 +9,10 @@ The robot looks before every action that refers to an object that it has not tou
 - The action that retreats from an object after the gripper grasped it or opened at it stays as it was predicted.
 
 Objects that the robot itself moved are not followed: after a release, the next observed pose is the one to start from.
-`Leading` aims ahead of objects that move by themselves, e.g. on a conveyor belt.
 """
 
-import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
-from time import monotonic
 
 import numpy as np
 
@@ -25,63 +21,10 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ObjectLostError, ServiceProblemError
 from roboprompt_client.robot import Observation, Robot
 from roboprompt_client.runs.reanchoring import MOVED_M, has_moved, reanchored
-from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 Poses = Mapping[str, ObjectPose]
 Check = Callable[[tuple[EndEffectorAction, ...]], None]
-MIN_LOOK_INTERVAL_S = 0.2  # between two observations; a noise of 1 cm would else give more than 5 cm/s
-MAX_SPEED_M_S = 0.15  # faster objects cannot be grasped by a motion that ends at rest
-RESTING_M_S = 0.003
-MAX_HEIGHT_CHANGE_M = 0.01  # an object that rises or sinks by more has left its conveyor
-MAX_LEAD_S = 10.0
-
-
-class Leading:
-    """Estimates objects' velocities, and where they will be `lead_s` after an observation.
-
-    The velocity is assumed to be constant and horizontal until contact; rotation is not extrapolated.
-
-    Args:
-        lead_s: the time from an observation until the fingers close.
-        clock: returns seconds; for simulations, which have their own time.
-
-    Raises:
-        InvalidInputError: if `lead_s` is not above 0 and at most 10 s.
-    """
-
-    def __init__(self, lead_s: float, clock: Callable[[], float] = monotonic) -> None:
-        if not (math.isfinite(lead_s) and 0 < lead_s <= MAX_LEAD_S):
-            raise InvalidInputError("lead_s", f"is {lead_s:g}", f"seconds above 0, {MAX_LEAD_S:g} at most")
-        self._lead_s, self.clock = lead_s, clock
-        self._seen: dict[str, tuple[ObjectPose, float]] = {}  # pose and time, s
-        self._velocities_m_s: dict[str, Array] = {}
-
-    def note(self, poses: Poses, at_s: float) -> None:
-        """Note an observation; one that follows another too closely does not update the velocity.
-
-        Raises:
-            ObjectLostError: if an object changed its height, or is too fast.
-        """
-        for name, pose in poses.items():
-            before, before_s = self._seen.setdefault(name, (pose, at_s))
-            moved_m = pose.position_m - before.position_m
-            if abs(moved_m[2]) > MAX_HEIGHT_CHANGE_M:
-                raise ObjectLostError(name, f"its height changed by {100 * moved_m[2]:+.1f} cm: it left its conveyor")
-            if at_s - before_s < MIN_LOOK_INTERVAL_S:
-                continue
-            velocity_m_s = moved_m * (1.0, 1.0, 0.0) / (at_s - before_s)
-            self._velocities_m_s[name], self._seen[name] = velocity_m_s, (pose, at_s)
-            if (speed_m_s := float(np.linalg.norm(velocity_m_s))) > MAX_SPEED_M_S:
-                most = f"{100 * MAX_SPEED_M_S:.0f} cm/s at most can be followed"
-                raise ObjectLostError(name, f"it moves at {100 * speed_m_s:.0f} cm/s, {most}")
-
-    def ahead(self, name: str, pose: ObjectPose) -> ObjectPose:
-        """Return the pose that the object will have when the fingers close; an object at rest stays."""
-        velocity_m_s = self._velocities_m_s.get(name)
-        if velocity_m_s is None or float(np.linalg.norm(velocity_m_s)) < RESTING_M_S:
-            return pose
-        return replace(pose, position_m=pose.position_m + self._lead_s * velocity_m_s)
 
 
 class ObjectFinder:
@@ -143,20 +86,12 @@ class Follower:
     Args:
         first: what the robot saw when it asked.
         check: raises if the actions, all of them in their order, are beyond the limits.
-        leading: predicts where objects will be that move by themselves; it has noted the first observation.
 
     Attributes:
         actions: all actions: the past ones as they were carried out, the others as they are planned now.
     """
 
-    def __init__(
-        self,
-        finder: ObjectFinder,
-        predicted: PredictedActions,
-        first: Observation,
-        check: Check,
-        leading: Leading | None = None,
-    ) -> None:
+    def __init__(self, finder: ObjectFinder, predicted: PredictedActions, first: Observation, check: Check) -> None:
         if predicted.actions and not any(predicted.anchors):
             message = "the answer gives none of its actions an anchor"
             raise InvalidInputError("look_again", message, "a service and a model whose actions have an `anchor`")
@@ -165,7 +100,7 @@ class Follower:
         self._names = [None if anchor is None else anchor.object_name for anchor in predicted.anchors]
         self._known = {pose.name: pose for pose in first.objects or predicted.objects}
         self._symmetry_deg = {**predicted.shown_symmetry_deg, **finder.yaw_symmetry_deg}
-        self._finder, self._check, self._leading = finder, check, leading
+        self._finder, self._check = finder, check
         self._touched: set[str] = set()
         self._visits: Counter[str] = Counter()
 
@@ -180,7 +115,8 @@ class Follower:
         retreats = index > 0 and self._names[index - 1] == name and self._switches(index - 1)
         if name is not None and name not in self._touched and not retreats:
             anchor = self._anchors[index]
-            self._follow(index, self._untouched(name, () if anchor is None else anchor.others - self._touched))
+            seen = self._finder.look_for(name, () if anchor is None else anchor.others - self._touched)
+            self._follow(index, {other: pose for other, pose in seen.items() if other not in self._touched})
         return self.actions[index]
 
     def after(self, index: int) -> None:
@@ -211,16 +147,6 @@ class Follower:
             return False
         here_m, next_m = (np.linalg.norm(self.actions[k].position_m - pose.position_m) for k in (index, index + 1))
         return bool(next_m < here_m - MOVED_M)
-
-    def _untouched(self, name: str, others: Iterable[str]) -> Poses:
-        """Return the poses of untouched objects, with `leading` those that they will have at contact."""
-        looked_s = 0.0 if self._leading is None else self._leading.clock()
-        seen = self._finder.look_for(name, others)
-        untouched = {other: pose for other, pose in seen.items() if other not in self._touched}
-        if (leading := self._leading) is None:
-            return untouched
-        leading.note(untouched, looked_s)
-        return {other: leading.ahead(other, pose) for other, pose in untouched.items()}
 
     def _follow(self, index: int, now: Poses) -> None:
         done, ahead = self.actions[:index], self.actions[index:]

@@ -16,7 +16,6 @@ from roboprompt_client.answers import (
 )
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import (
-    InvalidInputError,
     NotConfirmedError,
     ServiceProblemError,
     ServiceUnreachableError,
@@ -24,7 +23,7 @@ from roboprompt_client.errors import (
 from roboprompt_client.motion.guard import MotionGuard
 from roboprompt_client.motion.limits import MAX_ACTIONS, MotionLimits
 from roboprompt_client.robot import ChecksPlans, Observation, Robot, stop_after_error
-from roboprompt_client.runs.look_again import Follower, Leading, ObjectFinder
+from roboprompt_client.runs.look_again import Follower, ObjectFinder
 from roboprompt_client.types.poses import EndEffectorAction
 
 Preview = Callable[[Sequence[EndEffectorAction], MotionLimits, str], None]
@@ -45,7 +44,6 @@ class RunOptions:
         confirm: asked before each action, with its index; the run ends if it returns False.
         look_again: observe again before contact (see the module `look_again`) and move the remaining actions along
             with their objects; the returned prediction has the actions as they were carried out.
-        leading: with `look_again`, aims ahead of objects that move by themselves.
         on_danger: what to do about a finding of severity `danger` before anything moves: `refuse`, `go`, or a function
             that is asked with its message; the run ends if it returns False.
         preview: called with the actions, the limits and the prediction's id before the actions are checked and anything
@@ -60,15 +58,12 @@ class RunOptions:
     pinned: MotionLimits | None = None
     confirm: Confirm | None = None
     look_again: bool = False
-    leading: Leading | None = None
     on_danger: OnDanger = "refuse"
     preview: Preview = show_nothing
     on_outcome: OnOutcome | None = None
 
     def __post_init__(self) -> None:
         checked_on_danger(self.on_danger)
-        if self.leading is not None and not self.look_again:
-            raise InvalidInputError("leading", "is given, but the robot does not look again", "look_again=True")
 
 
 def run_task(
@@ -94,13 +89,11 @@ def run_task(
         MotionError: if an action is out of reach, where the robot knows that before it moves, or failed.
         NotConfirmedError: if `confirm` or `on_danger` returned False.
         DangerError: if a finding is a danger and `on_danger` is `refuse`; nothing was moved.
-        ObjectLostError: if an object is not seen again; with `leading` also if it changed its height or is too fast.
+        ObjectLostError: if an object is not seen again.
     """
     own = {field.name for field in fields(RunOptions)}
     try:
         how = RunOptions(**{name: option for name, option in options.items() if name in own})
-        if how.look_again:
-            _require_still_cameras(robot)
         of_task = client.motion_limits(task)
         allowed = of_task if how.pinned is None else of_task.intersection(how.pinned)
         asked = {name: option for name, option in options.items() if name not in own}
@@ -138,8 +131,6 @@ class _Run:
 
     def carry_out(self) -> PredictedActions:
         """Carry out the actions after all of them were checked; return the prediction."""
-        leading = self.how.leading
-        looked_s = 0.0 if leading is None else leading.clock()
         observation = self.robot.observe()
         self.guard(observation)  # refuse a missing start pose before the service is asked
         finder = ObjectFinder(self.client, self.robot, self.task, observation) if self.how.look_again else None
@@ -155,9 +146,7 @@ class _Run:
             for index, action in enumerate(predicted.actions):
                 self.execute(index, action)
             return predicted
-        if leading is not None:
-            leading.note({pose.name: pose for pose in observation.objects or predicted.objects}, looked_s)
-        follower = Follower(finder, predicted, observation, check, leading=leading)
+        follower = Follower(finder, predicted, observation, check)
         for index in range(len(predicted.actions)):
             self.execute(index, follower.before(index))
             follower.after(index)
@@ -178,10 +167,3 @@ class _Run:
         if self.how.confirm is not None and not self.how.confirm(index, action):
             raise NotConfirmedError(f"action {index + 1} was not allowed")
         self.robot.execute(action)
-
-
-def _require_still_cameras(robot: Robot) -> None:
-    """Refuse a robot whose hand would leave what it does in order to look."""
-    if getattr(robot, "viewpoints", ()):
-        message = "is asked of an arm that goes to viewpoints to look, away from what it does"
-        raise InvalidInputError("look_again", message, "cameras that need no viewpoints")

@@ -87,7 +87,7 @@ def tilt_rad(rotation: npt.ArrayLike) -> float:
 
 
 def from_rotation_vector(vector_rad: npt.ArrayLike) -> Array:
-    """Return the rotation of a rotation vector (3,): its direction is the axis, its length the angle (UR, LeRobot)."""
+    """Return the rotation of a rotation vector (3,): its direction is the axis, its length the angle (UR)."""
     vector = np.asarray(vector_rad, float)
     angle = float(np.linalg.norm(vector))
     per_length = 0.5 if angle < SMALL_RAD else math.sin(angle / 2) / angle
@@ -101,22 +101,6 @@ def to_rotation_vector(rotation: npt.ArrayLike) -> Array:
     angle, sine = angle_rad(q), float(np.linalg.norm(q[:3]))
     vector: Array = q[:3] * (2.0 if sine < SMALL_RAD else angle / sine)
     return vector
-
-
-def from_roll_pitch_yaw(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:
-    """Return the rotation about the fixed x, then y, then z axis (xArm, ROS)."""
-    about_x = np.array([math.sin(roll_rad / 2), 0.0, 0.0, math.cos(roll_rad / 2)])
-    about_y = np.array([0.0, math.sin(pitch_rad / 2), 0.0, math.cos(pitch_rad / 2)])
-    return product(about_z(yaw_rad), product(about_y, about_x))
-
-
-def to_roll_pitch_yaw(rotation: npt.ArrayLike) -> tuple[float, float, float]:
-    """Return roll, pitch, yaw; at a pitch of 90 degrees one of many solutions, with yaw 0."""
-    (xx, _, _), (yx, yy, yz), (zx, zy, zz) = to_matrix(rotation)
-    across = math.hypot(xx, yx)
-    if across < 1e-9:
-        return math.atan2(-yz, yy), math.atan2(-zx, across), 0.0
-    return math.atan2(zy, zz), math.atan2(-zx, across), math.atan2(yx, xx)
 
 
 def to_matrix(rotation: npt.ArrayLike) -> Array:

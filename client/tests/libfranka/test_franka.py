@@ -21,7 +21,7 @@ from roboprompt_client import (
     run_task,
 )
 from roboprompt_client.arms.franka import Franka
-from roboprompt_client.arms.panda import flange
+from roboprompt_client.arms.named import flange
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.types import quaternions as rotations
 
