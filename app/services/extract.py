@@ -5,7 +5,9 @@ extracted with other settings is first extracted again, from its stored recordin
 """
 
 from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import groupby
+from operator import attrgetter
 from typing import NamedTuple
 
 from sqlalchemy import Connection
@@ -90,6 +92,17 @@ def read_episode(store: Store, episode_id: str, *, strict: bool = False) -> tupl
         record = episodes.get(connection, episode_id)
     with reading(store, record.task, [episode_id], strict=strict and not record.left_out) as now:
         return episodes.get(now.connection, episode_id), TaskSettings.read(now.connection, now.task)
+
+
+def read_episodes(store: Store, records: Sequence[EpisodeRecord]) -> list[tuple[EpisodeRecord, TaskSettings]]:
+    """As `read_episode`, several, without those that were deleted since."""
+    found: dict[str, tuple[EpisodeRecord, TaskSettings]] = {}
+    for name, of_task in groupby(sorted(records, key=attrgetter("task")), attrgetter("task")):
+        ids = [record.id for record in of_task]
+        with suppress(NotFoundError), reading(store, name, ids, strict=False) as now:
+            settings = TaskSettings.read(now.connection, now.task)
+            found |= {id_: (record, settings) for id_, record in episodes.by_ids(now.connection, name, ids).items()}
+    return [found[record.id] for record in records if record.id in found]
 
 
 def _stale(connection: Connection, task: TaskRecord, ids: Collection[str] | None) -> tuple[EpisodeRecord, ...]:

@@ -4,10 +4,7 @@ from contextlib import contextmanager
 
 from sqlalchemy import event
 
-from app.api.routes.episodes import list_episodes
 from app.api.routes.tasks import list_tasks
-from app.api.schemas.lists import EpisodesQuery
-from app.services.task_settings import TaskSettings
 from tests.services.conftest import scripted, store  # noqa: F401  # fixtures
 from tests.services.test_upload_episode import upload
 
@@ -32,14 +29,3 @@ def test_a_list_of_tasks_reads_no_prediction(scripted):  # noqa: F811
         response = list_tasks(services)
     assert b'"num_episodes":1' in response.body
     assert not [text for text in texts if "predictions" in text]
-
-
-def test_a_page_of_episodes_reads_the_settings_of_its_tasks_alone(scripted, monkeypatch):  # noqa: F811
-    services = scripted("[]")
-    for name in ("other", "another"):
-        services.configure_task(name, {})
-    services.upload_episode(upload("cube"))
-    validated, validate = [], TaskSettings.model_validate
-    monkeypatch.setattr(TaskSettings, "model_validate", lambda value: validated.append(value) or validate(value))
-    assert b'"task":"pick"' in list_episodes(services, EpisodesQuery()).body
-    assert len(validated) == 1

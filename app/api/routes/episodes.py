@@ -21,9 +21,8 @@ from app.perception.films import checked_film
 from app.perception.images import as_image
 from app.pipeline.episode import Episode
 from app.services.container import Services
-from app.services.extract import read_episode
+from app.services.extract import read_episode, read_episodes
 from app.services.images import stored_film, stored_image
-from app.services.task_settings import TaskSettings
 from app.services.teach.edit import edit_episode, remove_episode
 from app.services.teach.upload_checks import Upload
 from app.store import episodes, tasks, trajectories
@@ -109,13 +108,12 @@ def _from_json(document: JsonObject) -> tuple[EpisodeMetadata, Trajectory]:
 
 @router.get("/episodes", response_model=EpisodePage, responses=problems(_404="no such task"))
 def list_episodes(services: Wired, query: Annotated[EpisodesQuery, Query()]) -> Response:
-    """Episodes, newest first, each as it was extracted last."""
+    """Episodes, newest first."""
     with services.store.read() as connection:
         if query.task is not None:
             tasks.get(connection, query.task)
         page = episodes.list_page(connection, query.filter(), query.limit, query.cursor)
-        known = {name: TaskSettings.of(connection, name) for name in {record.task for record in page.items}}
-    documents = [episode_document(record, known[record.task]) for record in page.items]
+    documents = [episode_document(*item) for item in read_episodes(services.store, page.items)]
     return JSONResponse({"episodes": documents, "next_cursor": page.next_cursor})
 
 
