@@ -13,8 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.film import ARRAYS, MAX_FILM_BYTES, MAX_PICTURES, VALID_FILM, Film
-from roboprompt_client.types.names import checked_name
 from roboprompt_client.types.trajectory import FIELDS, MAX_FRAMES, VALID, Trajectory, trajectory_from_arrays
 
 MAX_UNPACKED_BYTES = 100_000_000  # 600,000 frames; a .npz of 0.3 MB can claim 300 MB
@@ -39,26 +37,6 @@ def trajectory_from_npz(
         InvalidInputError: naming the array and what is wrong with it.
     """
     return trajectory_from_arrays(_arrays("trajectory", data, len(FIELDS), max_unpacked_bytes, VALID), max_frames)
-
-
-def film_from_npz(camera: str, data: bytes) -> Film:
-    """Return the film of a .npz file; what its pictures hold is not looked at. Raises as `trajectory_from_npz`."""
-    field = f"film_{checked_name('film', camera)}"
-    arrays = _arrays(field, data, len(ARRAYS), MAX_FILM_BYTES + MAX_DIRECTORY_BYTES, VALID_FILM)
-    if wrong := set(ARRAYS) ^ set(arrays):
-        name = sorted(wrong)[0]
-        raise InvalidInputError(f"{field}.{name}", "is missing" if name in ARRAYS else "is not known", VALID_FILM)
-    sizes, jpegs = arrays["sizes"], arrays["jpegs"]
-    if sizes.ndim != 1 or sizes.dtype.kind not in "iu" or len(sizes) > MAX_PICTURES or (sizes < 1).any():
-        message = f"is {sizes.dtype} of shape {sizes.shape}, or has an element below 1"
-        raise InvalidInputError(f"{field}.sizes", message, f"(N,) whole numbers of bytes, N at most {MAX_PICTURES}")
-    total = sum(sizes.tolist())
-    if jpegs.dtype != np.uint8 or jpegs.shape != (total,):
-        message = f"is {jpegs.dtype} of shape {jpegs.shape}"
-        raise InvalidInputError(f"{field}.jpegs", message, f"uint8 of shape ({total},), the sum of sizes")
-    ends = np.cumsum(sizes, dtype=np.int64).tolist()
-    pictures = tuple(jpegs[start:end].tobytes() for start, end in zip([0, *ends], ends, strict=False))
-    return Film(camera, arrays["timestamps"], pictures)
 
 
 def _arrays(

@@ -104,11 +104,3 @@ def png(image):
 def jpeg(number=0, width=64, height=48):
     """A JPEG file of one color that its number decides."""
     return cv2.imencode(".jpg", np.full((height, width, 3), (40 * number) % 256, np.uint8))[1].tobytes()
-
-
-def film_npz(times_s, pictures=None, **changed):
-    """The part film_NAME of an upload."""
-    pictures = [jpeg(number) for number in range(len(times_s))] if pictures is None else pictures
-    jpegs = np.frombuffer(b"".join(pictures), np.uint8)
-    named = {"timestamps": np.array(times_s, float), "sizes": np.array([*map(len, pictures)], int), "jpegs": jpegs}
-    return npz(**{name: array for name, array in {**named, **changed}.items() if array is not None})

@@ -19,8 +19,6 @@ from roboprompt_client.errors import InvalidInputError
 
 MULTIPART, JSON = "multipart/form-data", "application/json"
 IMAGE_PREFIXES = ("rgb_", "depth_", "mask_")
-FILM_PREFIX = "film_"
-CAMERA_PREFIXES = (*IMAGE_PREFIXES, FILM_PREFIX)
 MAX_PARTS = 64
 UTF_8 = ("utf-8", "utf8", "us-ascii")
 TINY_BYTES = 16_384  # takes less time to decode than a change of thread
@@ -32,7 +30,7 @@ class Body:
 
     Attributes:
         document: the JSON document, or that of the part `metadata`.
-        parts: images, films, and the trajectory of a multipart upload, by name.
+        parts: images, and the trajectory of a multipart upload, by name.
     """
 
     document: dict[str, Any]
@@ -88,7 +86,7 @@ async def _read_multipart(request: Request) -> Body:
 
 def _is_unfilled(name: str, value: UploadFile | str) -> bool:
     """Whether it is a camera's field of a form, Swagger UI's for one, in which no file was chosen."""
-    if not name.startswith(CAMERA_PREFIXES):
+    if not name.startswith(IMAGE_PREFIXES):
         return False
     return not value.filename and not value.size if isinstance(value, UploadFile) else not value
 
@@ -102,7 +100,7 @@ def _check_charset(content_type: str) -> None:
 
 def _read_json(data: bytes) -> Body:
     document = json_object(data)
-    names = [name for name in document if name.startswith(CAMERA_PREFIXES)]
+    names = [name for name in document if name.startswith(IMAGE_PREFIXES)]
     # a label's `mask_ids` are no image
     images = {name: document.pop(name) for name in names if name != "mask_ids" or not isinstance(document[name], list)}
     return Body(document, {name: _base64(name, value) for name, value in images.items()})

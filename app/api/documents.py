@@ -45,7 +45,7 @@ def episode_document(record: EpisodeRecord, settings: TaskSettings) -> JsonObjec
         "objects": [_object(item, workspace) for item in record.objects],
         "cameras": [camera.name for camera in record.cameras],
         **({} if record.extra is None else _unlisted(record)),
-        **_fields(record, "prediction_id", "corrects", "left_out", "note", "uploaded_instruction", "trim"),
+        **_fields(record, "prediction_id", "corrects", "left_out", "note", "uploaded_instruction"),
         "observation_text": codec.observation_text(demonstration),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),
@@ -55,7 +55,7 @@ def episode_document(record: EpisodeRecord, settings: TaskSettings) -> JsonObjec
 def _unlisted(record: EpisodeRecord) -> JsonObject:
     """What lists leave out."""
     findings = None if record.findings is None else list(record.findings)
-    return {"extra": record.kept_extra, "films": list(record.films), "findings": findings}
+    return {"extra": record.extra, "findings": findings}
 
 
 def metadata_document(record: EpisodeRecord) -> JsonObject:
@@ -66,7 +66,7 @@ def metadata_document(record: EpisodeRecord) -> JsonObject:
         "objects": [{name: item[stored] for name, stored in names.items()} for item in record.given_objects],
         "cameras": [camera_json(item.camera()) for item in record.cameras],
         "control_frequency_hz": record.control_frequency_hz,
-        "extra": record.kept_extra or {},
+        "extra": record.extra or {},
         **_fields(record, "left_out", "note", "uploaded_instruction"),
     }
 

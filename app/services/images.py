@@ -1,7 +1,6 @@
 """Images of episodes and predictions: stored as they came, and read again as frames."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,17 +9,12 @@ import numpy.typing as npt
 from app.perception.frame_checks import are_swapped
 from app.perception.images import STORED_PIXELS, ImageBytes, decode_frame, decode_rgb
 from app.services.cache import Cache
-from app.store import episodes
 from app.store.blobs import BlobStore
 from app.store.errors import NotFoundError
-from app.store.store import Store
-from app.store.trajectories import get_trajectory
 from app.store.values import CameraRecord, ImageKind
-from app.untrusted_arrays import film_from_npz
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame, camera_json
-from roboprompt_client.types.film import npz_from_film
 
 MAX_COLORS, MEAN_STEP_PX = 256, 4
 _mean_rgb: Cache[str, Array] = Cache(MAX_COLORS)
@@ -55,29 +49,6 @@ def stored_image(cameras: Iterable[CameraRecord], name: str, kind: ImageKind, wh
         if record.name == name and (digest := record.digest(kind)) is not None:
             return record, digest
     raise NotFoundError(f"{kind} image of {where}", name)
-
-
-def stored_film(store: Store, episode_id: str, camera: str) -> bytes:
-    """The `.npz` file of what a camera took during an episode, or during the part of it that is kept.
-
-    Raises:
-        NotFoundError: if there is no such episode or film.
-        CorruptDataError, StoreUnavailableError: if it cannot be read.
-    """
-    with store.read() as connection:
-        record = episodes.get(connection, episode_id)
-        times_s = None if record.trim is None else get_trajectory(connection, episode_id).timestamps_s
-    if (digest := record.films.get(camera)) is None:
-        raise NotFoundError(f"film of episode {episode_id}", camera)
-    data = store.blobs.read(digest)
-    if record.trim is None:
-        return data
-    film = film_from_npz(camera, data)
-    if times_s is not None:
-        return npz_from_film(film.part(float(times_s[0]), float(times_s[-1])))
-    start_s, length_s = record.trim["start_s"], (record.num_frames - 1) / record.control_frequency_hz
-    part = film.part(start_s, start_s + length_s)
-    return npz_from_film(replace(part, times_s=np.clip(part.times_s - start_s, 0, length_s)))
 
 
 def read_frame(blobs: BlobStore, record: CameraRecord) -> RgbdFrame:

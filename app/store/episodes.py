@@ -15,7 +15,7 @@ from app.store.values import ObjectRecord
 
 MAX_INSTRUCTIONS = 50
 EVERY = EpisodeFilter()
-_EPISODES, _FILMS = tables.episodes, tables.films
+_EPISODES = tables.episodes
 _WITHOUT_TRAJECTORY = [column for column in _EPISODES.c if column.name != "trajectory"]
 LISTED = [column for column in _WITHOUT_TRAJECTORY if column.name != "extra"]
 _SHOWN = _EPISODES.c.left_out.is_(False)  # in prompts
@@ -32,16 +32,13 @@ def add(connection: Connection, draft: EpisodeDraft) -> EpisodeRecord:
 
     Call it after `tasks.get_or_create` in the same write transaction, and compare `object_names` in between.
     """
-    values = {name: value for name, value in vars(draft).items() if name not in ("films", "sequence")}
+    values = {name: value for name, value in vars(draft).items() if name != "sequence"}
     sequence = connection.execute(insert(_EPISODES).values(values).returning(_EPISODES.c.sequence)).scalar_one()
-    if draft.films:
-        films = [{"episode_id": draft.id, "camera": name, "digest": digest} for name, digest in draft.films.items()]
-        connection.execute(insert(_FILMS), films)
     own = [record.name for record in draft.objects]
     names = [name for name in tasks.get(connection, draft.task).object_names or own if name in own]
     tasks.change(connection, draft.task, {"object_names": names})
     del values["trajectory"]
-    return EpisodeRecord(sequence=sequence, films=draft.films, **values)
+    return EpisodeRecord(sequence=sequence, **values)
 
 
 def get(connection: Connection, episode_id: str) -> EpisodeRecord:
@@ -49,8 +46,7 @@ def get(connection: Connection, episode_id: str) -> EpisodeRecord:
     row = connection.execute(select(*_WITHOUT_TRAJECTORY).where(_EPISODES.c.id == episode_id)).first()
     if row is None:
         raise NotFoundError("episode", episode_id)
-    query = select(_FILMS.c.camera, _FILMS.c.digest).where(_FILMS.c.episode_id == episode_id).order_by(_FILMS.c.camera)
-    return EpisodeRecord(films=dict(map(tuple, connection.execute(query))), **row._mapping)
+    return EpisodeRecord(**row._mapping)
 
 
 def uploaded_with(connection: Connection, key: str) -> EpisodeRecord | None:
@@ -162,7 +158,6 @@ def remove(connection: Connection, episode_id: str) -> str:
     if task is None:
         raise NotFoundError("episode", episode_id)
     tasks.lock(connection, task)  # an upload under way would not be seen below
-    connection.execute(delete(_FILMS).where(_FILMS.c.episode_id == episode_id))
     if connection.execute(delete(_EPISODES).where(_EPISODES.c.id == episode_id)).rowcount == 0:
         raise NotFoundError("episode", episode_id)
     others_left = connection.scalar(select(exists().where(_EPISODES.c.task == task)))

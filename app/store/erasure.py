@@ -43,8 +43,6 @@ def erase_task(connection: Connection, name: str) -> None:
         raise NotFoundError("task", name)
     predictions = select(_PREDICTIONS.c.id).where(_PREDICTIONS.c.task == name)
     erase_predictions(connection, predictions)
-    episodes = select(_EPISODES.c.id).where(_EPISODES.c.task == name)
-    connection.execute(delete(tables.films).where(tables.films.c.episode_id.in_(episodes)))
     for table in (_EPISODES, _LABELS):
         connection.execute(delete(table).where(table.c.task == name))
     connection.execute(delete(_TASKS).where(_TASKS.c.name == name))

@@ -64,7 +64,7 @@ class EpisodeFilter(Filter):
         containing: text of the instruction or the note, in any case.
         left_out: only those that are left out of prompts, or are not.
         upload_key: the `Idempotency-Key` of the upload.
-        min_duration_s, max_duration_s: of the recording, what is trimmed off aside.
+        min_duration_s, max_duration_s: of the recording.
     """
 
     containing: str | None = None

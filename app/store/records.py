@@ -1,6 +1,5 @@
 """Records that the store takes and returns: frozen values, independent of the database."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Generic, Literal, NamedTuple, TypeVar
@@ -8,7 +7,7 @@ from uuid import uuid4
 
 import numpy as np
 
-from app.pipeline.episode import COMMANDED, CONTROL_FREQUENCY_HZ, Demonstration
+from app.pipeline.episode import CONTROL_FREQUENCY_HZ, Demonstration
 from app.store.values import CameraRecord, JsonObject, KeyframeRecord, ObjectRecord
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
@@ -107,21 +106,7 @@ class EpisodeRecord(DemonstrationRecord):
     upload_key: str | None = None  # the `Idempotency-Key` of its upload
     upload_digest: str | None = None  # SHA-256 of what was sent with that key, in hexadecimal
     uploaded_instruction: str | None = None  # what it came with, where `instruction` was corrected since
-    trim: JsonObject | None = None  # what is kept of the recording, see `kept_frames`; None: all of it
     findings: tuple[JsonObject, ...] | None = None  # `Finding.to_json`; None where 1.0 stored the episode
-    films: Mapping[str, str] = field(default_factory=dict)  # digests by camera; lists do not read them
-
-    @property
-    def kept_extra(self) -> JsonObject | None:
-        """`extra` of the kept part: positions that were commanded belong to frames."""
-        if self.extra is None or self.trim is None or not isinstance(self.extra.get(COMMANDED), list):
-            return self.extra
-        return {**self.extra, COMMANDED: self.extra[COMMANDED][slice(*kept_frames(self.trim))]}
-
-
-def kept_frames(trim: JsonObject) -> tuple[int, int]:
-    """The first frame that is kept of a trimmed recording, and the first after it that is not."""
-    return trim["first_frame"], trim["end_frame"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -131,7 +131,7 @@ def _open_blobs(url: str | None, data_dir: Path) -> BlobStore:
 
 
 def blob_digests(connection: Connection) -> set[str]:
-    """The digests of all images and films of episodes, predictions and labels, and of settings' templates.
+    """The digests of all images of episodes, predictions and labels, and of settings' templates.
 
     Found in the text of the JSON: to decode that of 100,000 episodes takes ten seconds in which other threads starve.
     """
@@ -140,4 +140,4 @@ def blob_digests(connection: Connection) -> set[str]:
     for column in (*images, tables.tasks.c.settings):
         query = select(cast(column, Text)).where(column.is_not(None)).execution_options(yield_per=1000)
         digests.update(digests_in(connection.scalars(query)))
-    return digests.union(connection.scalars(select(tables.films.c.digest)))
+    return digests

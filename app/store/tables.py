@@ -51,7 +51,6 @@ episodes = Table(
     Column("created_at", UtcDateTime, nullable=False),
     Column("prediction_id", String(32)),
     Column("corrects", String(32), index=True),
-    Column("trim", Json),
     Column("left_out", Boolean, nullable=False),
     Column("note", String(500), nullable=False),
     Column("uploaded_instruction", String(500)),
@@ -69,15 +68,6 @@ episodes = Table(
     Index(None, "task", "sequence"),
     Index(None, "task", "instruction", "sequence"),
     sqlite_autoincrement=True,  # a deleted episode's number is never given again: cursors stay valid
-)
-
-# What cameras took during the motion, by digest.
-films = Table(
-    "films",
-    metadata,
-    Column("episode_id", String(32), ForeignKey("episodes.id"), primary_key=True),
-    Column("camera", String(64), primary_key=True),
-    Column("digest", String(64), nullable=False),
 )
 
 predictions = Table(

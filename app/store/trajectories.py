@@ -1,13 +1,11 @@
 """The recorded motion of an episode in the database: the `.npz` that the client uploads, one value of a row."""
 
 from collections.abc import Sequence
-from typing import Any
 
-from sqlalchemy import Connection, Row, select
+from sqlalchemy import Connection, select
 
 from app.store import tables
 from app.store.errors import CorruptDataError, NotFoundError
-from app.store.records import kept_frames
 from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.trajectory import Trajectory
@@ -24,25 +22,16 @@ def unpack(npz: bytes, episode_id: str) -> Trajectory:
         raise CorruptDataError("trajectory", episode_id, str(error)) from error
 
 
-def get_trajectories(connection: Connection, ids: Sequence[str], *, whole: bool = False) -> tuple[Trajectory, ...]:
-    """The trajectories of episodes, in the order of `ids`; raises NotFoundError, CorruptDataError.
-
-    Args:
-        whole: with what was trimmed off.
-    """
-    query = select(_EPISODES.c.id, _EPISODES.c.trim, _EPISODES.c.trajectory).where(_EPISODES.c.id.in_(ids))
-    found = {row.id: row for row in connection.execute(query)}
+def get_trajectories(connection: Connection, ids: Sequence[str]) -> tuple[Trajectory, ...]:
+    """The trajectories of episodes, in the order of `ids`; raises NotFoundError, CorruptDataError."""
+    query = select(_EPISODES.c.id, _EPISODES.c.trajectory).where(_EPISODES.c.id.in_(ids))
+    found = {row.id: row.trajectory for row in connection.execute(query)}
     for episode_id in ids:
         if episode_id not in found:
             raise NotFoundError("episode", episode_id)
-    return tuple(_unpacked(found[episode_id], whole=whole) for episode_id in ids)
+    return tuple(unpack(found[episode_id], episode_id) for episode_id in ids)
 
 
-def get_trajectory(connection: Connection, episode_id: str, *, whole: bool = False) -> Trajectory:
+def get_trajectory(connection: Connection, episode_id: str) -> Trajectory:
     """As `get_trajectories`, of one episode."""
-    return get_trajectories(connection, [episode_id], whole=whole)[0]
-
-
-def _unpacked(row: Row[Any, Any, Any], *, whole: bool) -> Trajectory:
-    trajectory = unpack(row.trajectory, row.id)
-    return trajectory if whole or row.trim is None else trajectory.part(*kept_frames(row.trim))
+    return get_trajectories(connection, [episode_id])[0]

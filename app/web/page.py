@@ -65,7 +65,6 @@ HEADERS = {
 NAVIGATION = (
     ("Tasks", "/ui/tasks"),
     ("Episodes", "/ui/episodes"),
-    ("Upload", "/ui/upload"),
     ("Predict", "/ui/predict"),
     ("Predictions", "/ui/predictions"),
     ("API", "/docs"),

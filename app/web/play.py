@@ -1,8 +1,8 @@
-"""What the 3D view shows beside the scene: motion, and what a camera with depth saw.
+"""The motion that the 3D view shows.
 
-Motion is a document for `static/player.js`, of an episode as it was recorded or of a prediction before a robot carries
+It is a document for `static/player.js`, of an episode as it was recorded or of a prediction before a robot carries
 it out: times in seconds and, for each, the hand's pose and gripper in the world frame, and where the arm's joints stand
-if the arm is known. Points and films are bytes for `static/points3d.js` and `static/film.js`.
+if the arm is known.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from app.services.setting_parts import WorkspaceSettings
 from app.services.task_settings import TaskSettings
 from app.store.records import PredictionRecord
 from app.store.values import JsonObject
@@ -20,16 +19,12 @@ from roboprompt_client.arms.driver import Calibration
 from roboprompt_client.arms.geometry import Chain
 from roboprompt_client.errors import MotionError
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.camera import RgbdFrame
-from roboprompt_client.types.film import Film
 from roboprompt_client.types.trajectory import Trajectory
 
 MAX_MOMENTS = 1500  # of a recording: the page moves straight between them
 HAND_M_S, HAND_RAD_S = 0.25, 1.0  # how fast a prediction is played
 GRIPPER_S = 0.5  # how long the hand rests where its gripper opens or closes
 STEP_S = 0.1
-MAX_POINTS = 30_000
-AROUND_M = 0.3  # beyond the workspace, on each side: the room behind it is left out
 
 
 def recorded_motion(trajectory: Trajectory, times_s: Array, settings: TaskSettings) -> JsonObject:
@@ -148,34 +143,3 @@ def why_without_arm(trajectory: Trajectory, settings: TaskSettings) -> str:
         return ""
     recorded = "no joint positions" if joints_rad is None else f"{joints_rad.shape[1]} joints"
     return f"The recording has {recorded}, the task's arm {geometry.num_joints} joints: the arm is not drawn."
-
-
-def point_cloud(frame: RgbdFrame, workspace: WorkspaceSettings) -> bytes:
-    """N points in and around the workspace, at most MAX_POINTS, evenly of all that there are.
-
-    Returns:
-        (N, 3) little-endian float32 x y z in meters, world frame; after them (N, 3) uint8 red, green, blue.
-    """
-    assert frame.depth_m is not None, "the camera has depth"
-    assert frame.rgb is not None, "the camera has color"
-    rows, columns = np.nonzero(frame.depth_m > 0)
-    points = frame.camera.deproject(rows, columns, frame.depth_m[rows, columns])
-    low, high = np.array(workspace.min) - AROUND_M, np.array(workspace.max) + AROUND_M
-    kept = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-    if len(kept) > MAX_POINTS:
-        kept = np.random.default_rng(0).choice(kept, MAX_POINTS, replace=False)
-    colors = frame.rgb[rows[kept], columns[kept]]
-    return points[kept].astype("<f4").tobytes() + colors.astype(np.uint8).tobytes()
-
-
-def film_bytes(film: Film, trajectory: Trajectory) -> bytes:
-    """A film's N pictures with their places in the motion.
-
-    Returns:
-        N, then N times in seconds from the trajectory's first frame and N sizes in bytes, all little-endian float32;
-        after them the JPEG files.
-    """
-    start_s = 0.0 if trajectory.timestamps_s is None else float(trajectory.timestamps_s[0])
-    sizes = [len(picture) for picture in film.pictures]
-    head = np.concatenate([[len(sizes)], film.times_s - start_s, sizes])
-    return head.astype("<f4").tobytes() + b"".join(film.pictures)

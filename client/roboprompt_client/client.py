@@ -184,17 +184,14 @@ class RoboPromptClient:
         instruction: str | None = None,
         left_out: bool | None = None,
         note: str | None = None,
-        trim_s: tuple[float, float] | None = None,
     ) -> dict[str, Any]:
         """Change an episode's members that are not None; return the episode.
 
         Args:
             left_out: True keeps the episode but shows it in no prompt.
             note: for people; "" removes it.
-            trim_s: beginning and end of the part that is kept, from the first recorded frame.
         """
-        trim = None if trim_s is None else {"start_s": trim_s[0], "end_s": trim_s[1]}
-        wanted = {"instruction": instruction, "left_out": left_out, "note": note, "trim": trim}
+        wanted = {"instruction": instruction, "left_out": left_out, "note": note}
         changes = {name: value for name, value in wanted.items() if value is not None}
         return self._send(ask("PATCH", f"/episodes/{episode_id}", json=changes))
 

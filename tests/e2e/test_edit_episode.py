@@ -101,8 +101,6 @@ def test_a_note_changes_no_prompt(http, taught):
         ({"left_out": "yes"}, "left_out", ""),
         ({"note": "n" * 501}, "note", "500"),
         ({"task": "other"}, "task", ""),
-        ({"trim": {"start_s": 5}}, "trim", "keeps 0 frames"),
-        ({"trim": {"start_s": -1}}, "trim.start_s", ""),
     ],
 )
 def test_a_wrong_correction_is_refused_by_its_field_and_changes_nothing(http, taught, change, field, words):

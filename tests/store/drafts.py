@@ -53,7 +53,6 @@ def episode_draft(
     instruction="open the bottom drawer",
     names=("drawer", "cube"),
     cameras=(),
-    films=None,
 ):
     recorded = trajectory(seed=seed)
     return EpisodeDraft(
@@ -66,7 +65,6 @@ def episode_draft(
         objects=tuple(object_record(name, seed) for name in names),
         given_objects=tuple({**asdict(ObjectQuery(name)), "mask_ids": [98, 99]} for name in names),
         cameras=cameras,
-        films=films or {},
         extra={"operator": "Zoë", "seed": seed, "nested": [1, None, True]},
         num_frames=len(recorded),
         trajectory=npz_from_trajectory(recorded),

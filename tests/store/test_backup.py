@@ -18,8 +18,7 @@ from .drafts import camera_record, episode_draft, predict, prediction_draft, rea
 def fill(store):
     for seed in range(3):
         digest = store.blobs.put(f"image {seed}".encode())
-        film = {"front": store.blobs.put(f"film {seed}".encode())}
-        upload(store, episode_draft(seed, cameras=(camera_record(rgb_digest=digest),), films=film))
+        upload(store, episode_draft(seed, cameras=(camera_record(rgb_digest=digest),)))
     seen = store.blobs.put(b"seen")
     added = predict(store, prediction_draft(cameras=(camera_record(rgb_digest=seen),)))
     with store.write() as connection:
@@ -101,4 +100,4 @@ def test_postgresql_is_referred_to_its_own_tool(tmp_path, postgres):
 def test_command_line(tmp_path, store):
     arguments = ["backup", str(tmp_path / "backup.tar"), "--data", str(tmp_path / "data")]
     saved = CliRunner().invoke(application, arguments)
-    assert (saved.exit_code, saved.stdout) == (0, f"{tmp_path / 'backup.tar'}: the database and 7 images\n")
+    assert (saved.exit_code, saved.stdout) == (0, f"{tmp_path / 'backup.tar'}: the database and 4 images\n")

@@ -20,13 +20,13 @@ from .drafts import trajectory as recorded
 
 def test_everything_comes_back(store):
     camera = camera_record(rgb_digest="a" * 64, depth_digest="b" * 64)
-    draft = episode_draft(cameras=(camera,), films={"front": "c" * 64, "wrist": "d" * 64})
+    draft = episode_draft(cameras=(camera,))
     added = upload(store, draft)
     with store.read() as connection:
         stored = episodes.get(connection, added.id)
         trajectory = get_trajectory(connection, added.id)
     assert stored == added
-    for name in ("task", "instruction", "keyframes", "objects", "given_objects", "cameras", "extra", "films"):
+    for name in ("task", "instruction", "keyframes", "objects", "given_objects", "cameras", "extra"):
         assert getattr(stored, name) == getattr(draft, name), name
     assert stored.num_frames == len(trajectory) == 30
     for name, array in vars(recorded()).items():

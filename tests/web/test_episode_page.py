@@ -257,31 +257,3 @@ def test_it_can_be_read_by_everyone(page, seeded, check_accessibility, scheme, w
     see_the_plot(page)
     check_accessibility(page)
     until(page, "document.documentElement.scrollWidth <= innerWidth")
-
-
-def test_the_ends_are_trimmed_by_keyboard_and_come_back(page, http):
-    id_ = teach(http, "cut", PLACES_M[0])["id"]
-    page.goto(f"/ui/episodes/{id_}")
-    page.get_by_role("button", name="Trim the ends").click()
-    beginning, end = page.get_by_label("Beginning of the kept part"), page.get_by_label("End of the kept part")
-    expect(beginning).to_be_focused()
-    for _ in range(5):
-        page.keyboard.press("ArrowRight")
-    end.focus()
-    for _ in range(20):
-        page.keyboard.press("ArrowLeft")
-    assert page.locator(".player .clock").inner_text() == "0.80 of 1.00 s"
-    page.get_by_role("button", name="Keep 0.05 to 0.80 s").click()
-    expect(page.get_by_text("0.05 to 0.80 s of the recording")).to_be_visible()
-    assert http.get(f"/episodes/{id_}").json()["trim"] == {
-        "start_s": 0.05,
-        "end_s": 0.8,
-        "first_frame": 1,
-        "end_frame": 17,
-    }
-    expect(page.locator(".player .clock")).to_have_text("0.00 of 0.75 s")
-    expect(page.locator("#doubts + .findings")).to_contain_text("ends-in-motion")
-    page.get_by_role("button", name="Bring back the whole recording").click()
-    expect(page.locator(".player .clock")).to_have_text("0.00 of 1.00 s")
-    assert http.get(f"/episodes/{id_}").json()["trim"] is None
-    http.delete(f"/episodes/{id_}")

@@ -15,7 +15,6 @@ _IMAGES = {
     "depth": f"16-bit PNG, or .npy in meters: the depth {_OF_CAMERA.format(kind='depth')}",
     "mask": f"16-bit PNG or .npy: ids of the objects' pixels, the mask {_OF_CAMERA.format(kind='mask')}",
 }
-_FILM = ".npz: pictures that the camera `front` took during the motion; `film_NAME` for a camera NAME"
 
 
 async def get_services(request: Request) -> Services:
@@ -36,23 +35,20 @@ def body_of(
     json_model: type[BaseModel],
     metadata_model: type[BaseModel] | None = None,
     *files: str,
-    films: bool = False,
 ) -> dict[str, Any]:
     """`openapi_extra` for a body that is one JSON document, or multipart with a part `metadata`.
 
     Args:
         metadata_model: None: the same.
         files: names of further required parts.
-        films: what cameras took during a motion is read, too.
     """
     # Forms offer only parts with a name: those of one camera stand for those of all.
-    kinds = _IMAGES | ({"film": _FILM} if films else {})
-    images = {f"{kind}_front": {**_BINARY, "description": about} for kind, about in kinds.items()}
+    images = {f"{kind}_front": {**_BINARY, "description": about} for kind, about in _IMAGES.items()}
     multipart = {
         "type": "object",
         "required": ["metadata", *files],
         "properties": {"metadata": _reference(metadata_model or json_model), **dict.fromkeys(files, _BINARY), **images},
-        "patternProperties": {f"^{kind}_.+$": _BINARY for kind in kinds},
+        "patternProperties": {f"^{kind}_.+$": _BINARY for kind in _IMAGES},
     }
     content: dict[str, dict[str, Any]] = {
         "application/json": {"schema": _reference(json_model)},

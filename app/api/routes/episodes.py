@@ -4,12 +4,12 @@ from functools import partial
 from typing import Annotated, Any
 
 import anyio.to_thread
-from fastapi import APIRouter, Header, Path, Query, Request, Response
+from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi import Body as FromBody
 from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
-from app.api.body import FILM_PREFIX, Body, read_body
+from app.api.body import Body, read_body
 from app.api.decoding import StrictJsonRoute
 from app.api.documents import episode_document, metadata_document
 from app.api.frames import decode_frames, decoded, split_images
@@ -17,19 +17,18 @@ from app.api.routes import Wired, body_of, problems
 from app.api.schemas.lists import EpisodesQuery
 from app.api.schemas.requests import EpisodeEdit, EpisodeJson, EpisodeMetadata
 from app.api.schemas.responses import EpisodeOut, EpisodePage, UploadedEpisodeOut
-from app.perception.films import checked_film
 from app.perception.images import as_image
 from app.pipeline.episode import Episode
 from app.services.container import Services
 from app.services.extract import read_episode, read_episodes
-from app.services.images import stored_film, stored_image
+from app.services.images import stored_image
 from app.services.teach.edit import edit_episode, remove_episode
 from app.services.teach.upload_checks import Upload
 from app.store import episodes, tasks, trajectories
 from app.store.errors import NotFoundError
 from app.store.store import Store
 from app.store.values import ImageKind, JsonObject
-from app.untrusted_arrays import film_from_npz, trajectory_from_npz
+from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory, trajectory_from_arrays
 
@@ -40,7 +39,7 @@ router = APIRouter(tags=["episodes"], route_class=StrictJsonRoute)
     "/episodes",
     status_code=201,
     response_model=UploadedEpisodeOut,
-    openapi_extra=body_of(EpisodeJson, EpisodeMetadata, "trajectory", films=True),
+    openapi_extra=body_of(EpisodeJson, EpisodeMetadata, "trajectory"),
     responses=problems(
         _409="the idempotency key came with other content",
         _415="neither multipart nor JSON",
@@ -59,14 +58,8 @@ async def upload_episode(
 
     Multipart: a part `metadata` (JSON), a part `trajectory` (.npz, no pickles) and per camera NAME the parts `rgb_NAME`
     (PNG, JPEG or .npy), `depth_NAME` (16-bit PNG, or .npy in meters) and `mask_NAME` (16-bit PNG or .npy of ids) of the
-    first frame. `film_NAME` has what a camera, calibrated or not, took during the motion, for people and policies: a
-    .npz of `timestamps` (N,) s by the trajectory's clock, `sizes` (N,) bytes and `jpegs` (their sum,) uint8, the JPEG
-    files in a row; at most 3000 pictures of one size up to 1920 x 1200, 1 MB each, 64 MB together. Or one JSON document
-    with the same names, arrays inline, files in base64. The first episode of a task creates it.
-
-    To try it, save [trajectory.npz](ui/sample/trajectory.npz) and [rgb_front.jpg](ui/sample/rgb_front.jpg), and choose
-    them in the form of `multipart/form-data`: its example of `metadata` ([metadata.json](ui/sample/metadata.json))
-    belongs to them.
+    first frame. Or one JSON document with the same names, arrays inline, files in base64. The first episode of a task
+    creates it.
     """
     body = await read_body(request)
     async with services.teaching:  # before the trajectory is unpacked, which may be a thousand times as large then
@@ -84,15 +77,12 @@ def _read_upload(body: Body, idempotency_key: str | None) -> Upload:
         trajectory = trajectory_from_npz(npz)
     else:
         metadata, trajectory = _from_json(document)
-    films = {name.removeprefix(FILM_PREFIX): parts.pop(name) for name in body.parts if name.startswith(FILM_PREFIX)}
     images = split_images(metadata.cameras, parts)
     frames = decode_frames(metadata.cameras, images)
     episode = Episode(metadata.instruction, trajectory, frames, metadata.control_frequency_hz, metadata.extra)
-    for camera, film in films.items():
-        checked_film(camera, film, episode.times_s)
     objects = tuple(item.query() for item in metadata.objects)
     said = metadata.model_dump(include={"prediction_id", "corrects", "left_out", "note", "uploaded_instruction"})
-    return Upload(metadata.task, episode, objects, images, body.digest(), idempotency_key, films=films, **said)
+    return Upload(metadata.task, episode, objects, images, body.digest(), idempotency_key, **said)
 
 
 def _from_json(document: JsonObject) -> tuple[EpisodeMetadata, Trajectory]:
@@ -102,7 +92,7 @@ def _from_json(document: JsonObject) -> tuple[EpisodeMetadata, Trajectory]:
         remedy = "a .npz part named trajectory, or a JSON object of arrays"
         raise InvalidInputError("trajectory", "is missing", remedy)
     if unknown := set(document) - {"metadata", "trajectory"}:
-        raise InvalidInputError(sorted(unknown)[0], "is not known", "metadata, trajectory, rgb_/depth_/mask_/film_NAME")
+        raise InvalidInputError(sorted(unknown)[0], "is not known", "metadata, trajectory, rgb_/depth_/mask_NAME")
     return EpisodeMetadata.model_validate(document.get("metadata")), trajectory_from_arrays(arrays)
 
 
@@ -151,16 +141,14 @@ def get_metadata(services: Wired, episode_id: str) -> Response:
     response_model=EpisodeOut,
     responses=problems(
         _404="no such episode",
-        _409="the task changed meanwhile",
-        _422="a value is not valid, the instruction names no object, or the kept part cannot be extracted",
+        _422="a value is not valid, the instruction names no object",
     ),
 )
 async def edit(services: Wired, episode_id: str, body: Annotated[EpisodeEdit, FromBody()]) -> Response:
-    """Correct the instruction, leave the episode out of prompts or show it again, change its note, or trim its ends.
+    """Correct the instruction, leave the episode out of prompts or show it again, or change its note.
 
-    The first instruction is kept as `uploaded_instruction`. An episode that is
-    trimmed or shown again is extracted with the task's present settings; of a trimmed one every address and export has
-    the kept part. Its objects keep their poses, so it cannot begin after one was moved.
+    The first instruction is kept as `uploaded_instruction`. An episode that is shown again is extracted with the task's
+    present settings.
     """
     change = partial(_edited, services.store, episode_id, body.changes())
     document = await anyio.to_thread.run_sync(change, limiter=services.teaching)
@@ -228,36 +216,3 @@ def _image(services: Services, episode_id: str, camera: str, kind: ImageKind, or
         return Response(data, media_type="application/octet-stream")
     data, media_type = as_image(data, kind, stored.camera().depth_scale)
     return Response(data, media_type=media_type)
-
-
-@router.get(
-    "/episodes/{episode_id}/films/{camera}",
-    response_class=Response,
-    responses={
-        200: {"description": "the .npz file as uploaded", "content": {"application/octet-stream": {}}},
-        **problems(_404="no such episode, or no film of that camera"),
-    },
-)
-def get_film(services: Wired, episode_id: str, camera: str) -> Response:
-    """What a camera took during the motion."""
-    data = stored_film(services.store, episode_id, camera)
-    headers = {"Content-Disposition": f'attachment; filename="film_{camera}.npz"'}
-    return Response(data, media_type="application/octet-stream", headers=headers)
-
-
-@router.get(
-    "/episodes/{episode_id}/films/{camera}/{number}",
-    response_class=Response,
-    responses={
-        200: {"description": "the JPEG file as uploaded", "content": {"image/jpeg": {}}},
-        **problems(_404="no such episode, film or picture"),
-    },
-)
-def get_picture(
-    services: Wired, episode_id: str, camera: str, number: Annotated[int, Path(ge=0, description="from 0")]
-) -> Response:
-    """One picture of a film."""
-    pictures = film_from_npz(camera, stored_film(services.store, episode_id, camera)).pictures
-    if number >= len(pictures):
-        raise NotFoundError(f"picture of the film {camera}, which has {len(pictures)},", str(number))
-    return Response(pictures[number], media_type="image/jpeg")

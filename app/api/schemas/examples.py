@@ -1,23 +1,9 @@
-"""Requests that can be sent as they are, in this order; shown in the documentation and sent by a test.
+"""Requests that can be sent as they are, in this order; shown in the documentation and sent by a test."""
 
-The files in `app/api/sample` are a demonstration to try an upload with: `stack_cube` as the simulator recorded it, with
-the picture of one camera.
-"""
-
-import json
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 from pydantic import ConfigDict
-
-SAMPLE = Path(__file__).parents[1] / "sample"
-SAMPLE_FILES = {
-    "metadata.json": "application/json",
-    "trajectory.npz": "application/octet-stream",
-    "rgb_front.jpg": "image/jpeg",
-}
-SAMPLE_METADATA: dict[str, Any] = json.loads((SAMPLE / "metadata.json").read_text())
 
 
 def shown(example: dict[str, Any]) -> ConfigDict:
@@ -56,6 +42,14 @@ EPISODE: dict[str, Any] = {
     },
 }
 
+_CAMERA: dict[str, Any] = {
+    "name": "front",
+    "intrinsics": {"fx": 579.4, "fy": 579.4, "cx": 319.5, "cy": 239.5},
+    "camera_to_world": [[1, 0, 0, 0.2], [0, -1, 0, 0], [0, 0, -1, 1.6], [0, 0, 0, 1]],
+    "depth_scale": 0.001,
+}
+METADATA: dict[str, Any] = {**EPISODE["metadata"], "cameras": [_CAMERA]}
+
 PREDICT: dict[str, Any] = {
     "task": "press",
     "instruction": "press the red button",
@@ -81,4 +75,4 @@ _CUBE: dict[str, Any] = {"estimator": "cuboid", "color": "blue", "size_m": [0.05
 
 TRY_MODEL: dict[str, Any] = {"object": "red button", "model": _CUBE, "episode_ids": ["ID-OF-AN-EPISODE"]}
 
-POSES: dict[str, Any] = {"objects": [{"name": "blue cube", "model": _CUBE}], "cameras": SAMPLE_METADATA["cameras"]}
+POSES: dict[str, Any] = {"objects": [{"name": "blue cube", "model": _CUBE}], "cameras": [_CAMERA]}

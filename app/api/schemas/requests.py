@@ -96,7 +96,7 @@ class CameraIn(RequestModel):
 class EpisodeMetadata(RequestModel):
     """The part `metadata` of an upload."""
 
-    model_config = examples.shown(examples.SAMPLE_METADATA)
+    model_config = examples.shown(examples.METADATA)
 
     task: Name
     instruction: Instruction
@@ -118,17 +118,8 @@ class EpisodeMetadata(RequestModel):
     """the first instruction, if it was corrected before this upload"""
 
 
-class TrimIn(RequestModel):
-    """The part of a recording that is kept."""
-
-    start_s: Annotated[Number, Field(ge=0)] = 0.0
-    """its beginning, seconds from the first recorded frame"""
-    end_s: Annotated[Number | None, Field(gt=0)] = None
-    """its end, seconds from the first recorded frame; null: the last frame"""
-
-
 class EpisodeEdit(RequestModel):
-    """Corrections of an episode; a field that is left out or null, `trim` aside, stays as it is."""
+    """Corrections of an episode; a field that is left out or null stays as it is."""
 
     model_config = examples.shown(examples.EDIT)
 
@@ -136,13 +127,10 @@ class EpisodeEdit(RequestModel):
     left_out: Annotated[Truth | None, Field(description=LEFT_OUT)] = None
     note: Note | None = None
     """a remark for people; empty removes it"""
-    trim: TrimIn | None = None
-    """the part of the recording that is kept; null: all of it. Nothing is lost: what is cut off can be brought back"""
 
     def changes(self) -> dict[str, Any]:
         """Return the fields that change."""
-        changes = self.model_dump(exclude_none=True)
-        return {**changes, "trim": changes.get("trim")} if "trim" in self.model_fields_set else changes
+        return self.model_dump(exclude_none=True)
 
 
 class TrajectoryIn(RequestModel):

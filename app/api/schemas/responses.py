@@ -60,15 +60,6 @@ class ObjectOut(ObservedObjectOut):
     ]
 
 
-class TrimOut(BaseModel):
-    """The part of a recording that is kept: seconds and frames count from its first frame, `end_frame` is cut off."""
-
-    start_s: float
-    end_s: float
-    first_frame: int
-    end_frame: int
-
-
 class ListedEpisode(BaseModel):
     """A stored episode, its keyframes and object poses; the texts have the paper's representation."""
 
@@ -89,17 +80,15 @@ class ListedEpisode(BaseModel):
     uploaded_instruction: Annotated[
         str | None, Field(description="instruction of the upload, if it was corrected since; else null")
     ]
-    trim: Annotated[TrimOut | None, Field(description="the part of the recording that is kept; null: all of it")]
     observation_text: str
     actions_text: str
     created_at: datetime
 
 
 class EpisodeOut(ListedEpisode):
-    """An episode with its findings, the `extra` of its upload, and the cameras that took pictures during the motion."""
+    """An episode with its findings and the `extra` of its upload."""
 
     extra: dict[str, Any]
-    films: list[str]
     findings: Annotated[
         list[FindingOut] | None, Field(description="doubts about the recording; null where version 1.0 stored it")
     ]

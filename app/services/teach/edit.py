@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,41 +11,30 @@ from app.pipeline.order.reading import read
 from app.pipeline.order.taught import TaughtWords
 from app.services.extract import read_episode, reading
 from app.services.task_settings import TaskSettings
-from app.services.teach.trim import trimmed
-from app.store import episodes, tasks
+from app.store import episodes
 from app.store.records import EpisodeRecord
 from app.store.store import Store
 from roboprompt_client.types.names import checked_instruction
 
 
 def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> EpisodeRecord:
-    """Change `instruction`, `left_out`, `note` or `trim` of an episode.
+    """Change `instruction`, `left_out` or `note` of an episode.
 
     Raises:
         NotFoundError: if there is no such episode.
         InvalidInputError: if the instruction names no object of the task, or the episode cannot be extracted with the
-            task's settings, or trimmed so.
-        ConflictError: if the task changed meanwhile.
+            task's settings.
     """
     record, settings = read_episode(store, episode_id)
     if record.left_out and changes.get("left_out") is False:
         with reading(store, record.task, [episode_id]):
             pass  # it can be extracted
-    with store.read() as connection:
-        task = tasks.get(connection, record.task)
-        taught = episodes.instructions(connection, record.task)
     if "instruction" in changes:
+        with store.read() as connection:
+            taught = episodes.instructions(connection, record.task)
         changes = {**changes, "instruction": checked_instruction("instruction", changes["instruction"])}
         _check_objects(changes["instruction"], record, settings, taught)
-    again = None
-    if "trim" in changes:
-        corrected = replace(record, instruction=changes.get("instruction", record.instruction))
-        again, fields = trimmed(store, corrected, settings, changes["trim"])
-        changes = {**changes, **fields}
     with store.write() as connection:
-        if again is not None:
-            tasks.require_version(connection, task.name, task.version)
-            episodes.replace_extractions(connection, [again])
         episodes.edit(connection, record, changes)
         return episodes.get(connection, record.id)
 

@@ -94,7 +94,6 @@ class UploadEpisode:
             draft,
             findings=tuple(finding.to_json() for finding in (*checked.findings, *findings)),
             cameras=put_images(blobs, upload.cameras, upload.images),
-            films={camera: blobs.put(data) for camera, data in sorted(upload.films.items())},
         )
 
 

@@ -46,7 +46,6 @@ class Upload:
 
     Attributes:
         images: per camera of `episode.frames`, by name.
-        films: `.npz` files by camera, checked.
         prediction_id, corrects, left_out, note, uploaded_instruction: see `EpisodeRecord`.
         digest: of the request's content; a repeated `idempotency_key` must come with the same.
         object_names: in the order of the trajectory's tracks.
@@ -64,7 +63,6 @@ class Upload:
     left_out: bool = False
     note: str = ""
     uploaded_instruction: str | None = None
-    films: Mapping[str, bytes] = field(default_factory=dict)
     object_names: tuple[str, ...] = field(init=False)
     cameras: tuple[Camera, ...] = field(init=False)
 

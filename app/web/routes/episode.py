@@ -12,25 +12,21 @@ from fastapi.responses import JSONResponse
 from starlette.responses import Response
 
 from app.api.documents import episode_document
-from app.api.frames import decoded
 from app.api.routes import Wired
 from app.llm.base import LanguageModelError
 from app.pipeline.keyframes import Motion, RuleName
 from app.pipeline.representation.base import usual_format
 from app.services.container import Services
 from app.services.extract import read_episode
-from app.services.images import read_frame, stored_film
 from app.services.setting_parts import KeyframeSettings
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
-from app.store.errors import NotFoundError
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.trajectories import get_trajectory
 from app.store.values import JsonObject
-from app.untrusted_arrays import film_from_npz
 from app.web.episode_views import EpisodeText, Preview, episode_texts, preview
 from app.web.page import HEADERS, PageRoute, render, render_part
-from app.web.play import film_bytes, point_cloud, recorded_motion, why_without_arm
+from app.web.play import recorded_motion, why_without_arm
 from app.web.scene import scene
 
 router = APIRouter(route_class=PageRoute)
@@ -106,8 +102,6 @@ def episode_motion(services: Wired, episode_id: str) -> Response:
     recording = _recording(services, episode_id)
     times_s, trajectory = recording.motion.times_s, recording.motion.trajectory
     shown = scene(recording.settings.workspace, recording.record.objects, (), trajectory.positions_m)
-    if any(camera.has_rgbd for camera in recording.record.cameras):
-        shown["points"] = f"/ui/episodes/{episode_id}/points"
     document: JsonObject = {
         "has_joints": trajectory.num_joints > 0,
         "times_s": times_s.round(4).tolist(),
@@ -118,31 +112,6 @@ def episode_motion(services: Wired, episode_id: str) -> Response:
         | {"marks_s": [round(float(times_s[item.index]), 3) for item in recording.record.keyframes]},
     }
     return JSONResponse(document, headers=HEADERS)
-
-
-@documents.get("/ui/episodes/{episode_id}/points")
-async def episode_points(services: Wired, episode_id: str) -> Response:
-    """What the first camera with color and depth saw, as `point_cloud` writes it."""
-    data = await decoded(services, _points, services, episode_id)
-    return Response(data, media_type="application/octet-stream", headers=HEADERS)
-
-
-@documents.get("/ui/episodes/{episode_id}/films/{camera}")
-def episode_film(services: Wired, episode_id: str, camera: str) -> Response:
-    """What a camera took during the motion, as `film_bytes` writes it."""
-    film = film_from_npz(camera, stored_film(services.store, episode_id, camera))
-    data = film_bytes(film, _recording(services, episode_id).motion.trajectory)
-    return Response(data, media_type="application/octet-stream", headers=HEADERS)
-
-
-def _points(services: Services, episode_id: str) -> bytes:
-    with services.store.read() as connection:
-        record = episodes.get(connection, episode_id)
-        settings = TaskSettings.of(connection, record.task)
-    camera = next((item for item in record.cameras if item.has_rgbd), None)
-    if camera is None:
-        raise NotFoundError("picture with color and depth of episode", episode_id)
-    return point_cloud(read_frame(services.store.blobs, camera), settings.workspace)
 
 
 @documents.get("/ui/episodes/{episode_id}/keyframes")

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
-from starlette.responses import FileResponse, Response
+from starlette.responses import Response
 
 from app.api.frames import decoded
 from app.api.routes import Wired
-from app.api.schemas.examples import SAMPLE, SAMPLE_FILES
 from app.api.schemas.lists import EpisodesQuery
 from app.llm.computed import YARDSTICKS
 from app.services.container import Services
@@ -143,20 +142,6 @@ def episodes_page(request: Request, services: Wired, query: Annotated[_Listed, Q
         num_left_out=num_left_out,
         first=query.cursor is None,
     )
-
-
-@router.get("/ui/upload")
-def upload_page(request: Request) -> Response:
-    """Where demonstrations are dropped."""
-    return render(request, "upload.html")
-
-
-@documents.get("/ui/sample/{name}")
-def sample_file(name: str) -> Response:
-    """A file of a demonstration to try an upload with."""
-    if name not in SAMPLE_FILES:
-        raise NotFoundError("file of the sample", name)
-    return FileResponse(SAMPLE / name, media_type=SAMPLE_FILES[name], filename=name)
 
 
 @documents.get("/ui/episodes/{episode_id}/thumbnails/{camera}")

@@ -3,11 +3,9 @@
 import { call, root, send } from "./api.js";
 import { attempt, byId, confirmed, data, element, say, sayProblem } from "./dom.js";
 import { deleted } from "./episodes.js";
-import { mountFilm } from "./film.js";
 import { drawMotion } from "./motion_plot.js";
 import { mountPlayer } from "./player.js";
 import { drawScene } from "./scene3d.js";
-import { mountTrim } from "./trim.js";
 
 const PAUSE_MS = 60;
 const section = byId("keyframes");
@@ -138,12 +136,7 @@ const texts = new IntersectionObserver(([{ isIntersecting, target }]) => {
 });
 texts.observe(byId("text"));
 
-for (const canvas of document.querySelectorAll("[data-film]")) {
-  const caption = canvas.parentNode.querySelector("figcaption span");
-  attempt(caption, () => mountFilm(byId("space-view"), canvas, caption));
-}
 followNumber();
 arrange();
 drawSpeed();
 drawSpace();
-attempt(byId("trim-state"), async () => mountTrim(byId("trim"), byId("space-view"), (await motion).times_s.at(-1)));

@@ -15,9 +15,6 @@ export function showMotion(view, scene) {
   mountPlayer(view, scene.play);
 }
 
-/** Show the moment `time_s` of the motion that `view` plays. */
-export const seekTo = (view, time_s) => players.get(view).seek(time_s);
-
 /** Play another motion in the same view, faintly, from mark to mark as the first goes; null: no more. */
 export function playBeside(view, motion) {
   const player = players.get(view);
@@ -99,7 +96,6 @@ class Player {
     const moment = momentOf(this.motion, this.time_s);
     showMoment(this.view, moment, this.beside && momentOf(this.beside, this.timeBeside()));
     this.timeline.at(this.time_s);
-    this.view.dispatchEvent(new CustomEvent("moment", { detail: this.time_s })); // for films
     // Words that change faster than people read them only cost frames.
     const now_ms = performance.now();
     if (this.playing && now_ms - this.written_ms < WORDS_MS && this.time_s < this.end_s) return;

@@ -3,7 +3,6 @@
 
 import { element, svg } from "./dom.js";
 import { gripper, links } from "./hand3d.js";
-import { loadPoints, paintPoints } from "./points3d.js";
 import { View, steer, text } from "./view3d.js";
 
 const FRAME_M = 0.05;
@@ -26,7 +25,7 @@ const meters = (point) => `${point.map((value) => value.toFixed(3)).join(", ")} 
 
 /** Draw `scene` into `place`, over what was there; the view that a person turned it to stays. */
 export function drawScene(place, scene) {
-  if (!states.has(place)) prepare(place, scene.points);
+  if (!states.has(place)) prepare(place);
   const state = states.get(place);
   state.scene = scene;
   if (!state.isChosen) state.show(scene.whole ? WHOLE : scene.play?.arm ? ARM : CLOSE);
@@ -56,8 +55,8 @@ function paintMoment({ moving, projection, moment, beside, scene }) {
   );
 }
 
-function prepare(place, points) {
-  const state = { view: new View(), scene: null, moment: null, beside: null, cloud: null, isChosen: false };
+function prepare(place) {
+  const state = { view: new View(), scene: null, moment: null, beside: null, isChosen: false };
   state.redraw = () => paint(place, state);
   states.set(place, state);
   state.drawing = element("div", { className: "drawing" });
@@ -65,11 +64,11 @@ function prepare(place, points) {
   place.tabIndex = 0;
   steer(place, state.view, state.redraw);
   new ResizeObserver(state.redraw).observe(place);
-  addButtons(place, state, points);
+  addButtons(place, state);
 }
 
-/** Buttons above the view that say what it shows; `points` is the address of a point cloud, if there is one. */
-function addButtons(place, state, points) {
+/** Buttons above the view that say what it shows. */
+function addButtons(place, state) {
   const button = (text, press, more = {}) => {
     const made = element("button", { type: "button", className: "plain small", ...more }, text);
     made.addEventListener("click", () => {
@@ -94,25 +93,7 @@ function addButtons(place, state, points) {
     button("+", () => state.view.scale(1.3), { ariaLabel: "Zoom in" }),
     button("−", () => state.view.scale(1 / 1.3), { ariaLabel: "Zoom out" }),
   ];
-  const cloud = points ? [cloudButton(state, points)] : [];
-  place.before(element("div", { className: "row views", role: "group", ariaLabel: "What the 3D view shows" }, ...views, ...cloud, ...zooms));
-}
-
-/** A button that shows and hides the point cloud, which is fetched when it is wanted first. */
-function cloudButton(state, address) {
-  const made = element("button", { type: "button", className: "plain small", ariaPressed: "false" }, "Point cloud");
-  let loading = null;
-  made.addEventListener("click", async () => {
-    const on = made.ariaPressed !== "true";
-    made.ariaPressed = String(on);
-    try {
-      state.cloud = on ? await (loading ??= loadPoints(address)) : null;
-    } catch (error) {
-      [loading, made.disabled, made.textContent] = [null, true, `Point cloud: ${error.message}`];
-    }
-    state.redraw();
-  });
-  return made;
+  place.before(element("div", { className: "row views", role: "group", ariaLabel: "What the 3D view shows" }, ...views, ...zooms));
 }
 
 const titled = (node, text) => (node.append(svg("title", {}, text)), node);
@@ -127,10 +108,7 @@ function paint(place, state) {
   const write = writer(width, height);
   state.projection = projection;
   state.moving = svg("svg", { class: "moving", viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" });
-  const cloud = state.cloud ? [element("canvas", { width, height, ariaHidden: "true" })] : [];
-  if (state.cloud) paintPoints(cloud[0], state.cloud, projection);
   state.drawing.replaceChildren(
-    ...cloud,
     svg(
       "svg",
       { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" },
