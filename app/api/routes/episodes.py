@@ -25,7 +25,6 @@ from app.services.images import stored_image
 from app.services.teach.edit import edit_episode, remove_episode
 from app.services.teach.upload_checks import Upload
 from app.store import episodes, tasks, trajectories
-from app.store.errors import NotFoundError
 from app.store.store import Store
 from app.store.values import ImageKind, JsonObject
 from app.untrusted_arrays import trajectory_from_npz
