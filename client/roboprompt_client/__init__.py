@@ -29,8 +29,7 @@ from roboprompt_client.errors import (
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.recording import Recorder
 from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.runs.loop import RunOptions, run_task
-from roboprompt_client.runs.plans import run_plan
+from roboprompt_client.runs.loop import run_plan, run_task
 from roboprompt_client.types.camera import Camera, RgbdFrame
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, Pose
 from roboprompt_client.types.trajectory import Trajectory
@@ -58,7 +57,6 @@ __all__ = [
     "RoboPromptClient",
     "RoboPromptError",
     "Robot",
-    "RunOptions",
     "ServiceProblemError",
     "ServiceUnreachableError",
     "StepFailedError",

@@ -8,7 +8,6 @@ from typing import Any, Literal, NamedTuple
 from roboprompt_client.errors import (
     DangerError,
     InvalidAnswerError,
-    InvalidInputError,
     NotConfirmedError,
 )
 from roboprompt_client.motion.guard import action_from_json
@@ -81,11 +80,6 @@ class PredictedActions:
         return cls(answer["id"], actions, answer, anchors)
 
 
-def planned_steps(answer: Mapping[str, Any]) -> tuple[PlannedStep, ...]:
-    """Return the steps of the answer of `POST /plans`."""
-    return tuple(PlannedStep(step["task"], step["instruction"]) for step in answer["steps"])
-
-
 def findings_in(answer: Mapping[str, Any]) -> tuple[Finding, ...]:
     """Return the findings of an answer or event, each with a severity of `SEVERITIES`.
 
@@ -102,13 +96,6 @@ def findings_in(answer: Mapping[str, Any]) -> tuple[Finding, ...]:
         if not isinstance(finding, Mapping) or finding.get("severity") not in SEVERITIES:
             raise InvalidAnswerError(f"findings[{k}]", f"is {finding!r:.200}", valid)
     return tuple(findings)
-
-
-def checked_on_danger(on_danger: OnDanger) -> OnDanger:
-    """Return the setting; raises InvalidInputError for an unknown one."""
-    if on_danger not in ("refuse", "go") and not callable(on_danger):
-        raise InvalidInputError("on_danger", f"is {on_danger!r:.40}", "refuse, go, or a function of the message")
-    return on_danger
 
 
 def require_allowed(findings: Sequence[Finding], on_danger: OnDanger) -> None:

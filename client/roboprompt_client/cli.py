@@ -31,8 +31,7 @@ from roboprompt_client.errors import InvalidInputError, RoboPromptError, Service
 from roboprompt_client.http import KEY_VARIABLE
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation, Robot, observation_from_file
-from roboprompt_client.runs.loop import run_task
-from roboprompt_client.runs.plans import run_plan
+from roboprompt_client.runs.loop import run_plan, run_task
 from roboprompt_client.types.trajectory import trajectory_from_file
 
 DESCRIPTION = (

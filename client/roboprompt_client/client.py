@@ -7,18 +7,20 @@ from uuid import uuid4
 
 import httpx
 
-from roboprompt_client.answers import PlannedStep, PredictedActions, planned_steps
-from roboprompt_client.encoding import Part, episode_parts, posted, prediction_request
-from roboprompt_client.http import Request, ask, http_options, read_ping, require_success
+from roboprompt_client.answers import PlannedStep, PredictedActions
+from roboprompt_client.encoding import LONGEST_S, Part, episode_parts, request_parts, scene_json
+from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.http import document_in, http_options, require_success, transport_errors
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.robot import Observation
-from roboprompt_client.types.camera import RgbdFrame
+from roboprompt_client.types.camera import RgbdFrame, camera_json
 from roboprompt_client.types.poses import ObjectPose, object_from_json, object_json
 from roboprompt_client.types.trajectory import Trajectory
 
-Answer = TypeVar("Answer")
 OfKind = TypeVar("OfKind", bound="RoboPromptClient")
 DEFAULT_URL = os.environ.get("ROBOPROMPT_URL") or "http://127.0.0.1:8000"
+LEARNING_TIMEOUT_S = 600.0
+MARGIN_S = 10.0  # the service answers within a request's own deadline; this is for the way there and back
 CHECK_TIMEOUT_S = 1260.0  # ten predictions of at most two minutes each
 
 
@@ -54,27 +56,46 @@ class RoboPromptClient:
         """Close the connections."""
         self._http.close()
 
-    def _send(self, request: Request[Answer]) -> Answer:
-        with request.transport_errors(self._http.base_url):
-            response = self._http.request(request.method, request.path, **request.arguments)
-        return request.read(response)
+    def _send(self, method: str, path: str, **arguments: Any) -> httpx.Response:  # noqa: ANN401
+        with transport_errors(method, f"{self.url.rstrip('/')}/{path.lstrip('/')}"):
+            return self._http.request(method, path, **arguments)
+
+    def _ask(self, method: str, path: str, **arguments: Any) -> dict[str, Any]:  # noqa: ANN401
+        return document_in(self._send(method, path, **arguments))
 
     def ping(self) -> None:
         """Return if a RoboPrompt service answers, else raise."""
-        return self._send(Request("GET", "/healthz", {}, read_ping))
+        response = self._send("GET", "/healthz")
+        try:
+            known = document_in(response).get("checks") is not None
+        except ServiceProblemError as error:
+            if "type" in error.problem:
+                raise
+            known = False
+        if not known:
+            address = str(response.url).removesuffix("/healthz")
+            raise ServiceUnreachableError(f"{address}: what answers there is not a RoboPrompt service")
 
     def get(self, /, path: str, **parameters: Any) -> dict[str, Any]:  # noqa: ANN401
         """Return any JSON document of the service, e.g. ``get("/episodes", task="open_drawer")``."""
-        return self._send(ask("GET", path, params=parameters))
+        return self._ask("GET", path, params=parameters)
 
-    def post(self, path: str, document: Mapping[str, Any], frames: Sequence[RgbdFrame] = ()) -> dict[str, Any]:
+    def post(
+        self,
+        path: str,
+        document: Mapping[str, Any],
+        frames: Sequence[RgbdFrame] = (),
+        timeout_s: float = LEARNING_TIMEOUT_S,
+    ) -> dict[str, Any]:
         """Send a JSON document, with the frames' cameras and images if there are frames; return the answer."""
-        return self._send(posted(path, document, frames))
+        if not frames:
+            return self._ask("POST", path, json=dict(document), timeout=timeout_s)
+        metadata = {**document, "cameras": [camera_json(frame.camera) for frame in frames]}
+        return self._ask("POST", path, files=request_parts(metadata, frames), timeout=timeout_s)
 
     def get_bytes(self, /, path: str, **parameters: Any) -> bytes:  # noqa: ANN401
         """Return any file of the service, e.g. ``get_bytes(f"/episodes/{id}/trajectory")``."""
-        asked = Request("GET", path, {"params": parameters}, lambda response: require_success(response).content)
-        return self._send(asked)
+        return require_success(self._send("GET", path, params=parameters)).content
 
     def plan(self, instruction: str, objects: Iterable[ObjectPose | str]) -> tuple[PlannedStep, ...]:
         """Return the steps of a sentence over several tasks (`POST /plans`); `run_plan` carries them out.
@@ -86,8 +107,8 @@ class RoboPromptClient:
             ServiceProblemError: also if a part of the sentence fits no task or several; the problem names the part.
         """
         listed = [{"name": item} if isinstance(item, str) else object_json(item) for item in objects]
-        asked = ask("POST", "/plans", json={"instruction": instruction, "objects": listed})
-        return self._send(asked.then(planned_steps))
+        answer = self._ask("POST", "/plans", json={"instruction": instruction, "objects": listed})
+        return tuple(PlannedStep(step["task"], step["instruction"]) for step in answer["steps"])
 
     def predict(
         self,
@@ -110,8 +131,13 @@ class RoboPromptClient:
             ServiceProblemError: also if the LLM's reply is not a list of actions.
             UnsafeActionError: if an action of the answer has a number that is not finite, no unit quaternion ...
         """
-        asked = prediction_request(task, instruction, observation, timeout_s=timeout_s, **options)
-        return self._send(asked.then(PredictedActions.from_json))
+        document = {"task": task, "instruction": instruction, **scene_json(observation), **options}
+        if timeout_s is not None:
+            document["timeout_s"] = timeout_s
+        if (pose := observation.end_effector) is not None:
+            document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
+        wait_s = (LONGEST_S if timeout_s is None else timeout_s) + MARGIN_S  # for which nothing may come
+        return PredictedActions.from_json(self.post("/predict", document, observation.frames, wait_s))
 
     def find_poses(
         self, frames: Sequence[RgbdFrame], object_models: Mapping[str, Mapping[str, Any]]
@@ -125,8 +151,7 @@ class RoboPromptClient:
             ServiceProblemError: also if one of the objects is not found.
         """
         objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
-        asked = posted("/poses", {"objects": objects}, frames)
-        return self._send(asked.then(lambda answer: tuple(map(object_from_json, answer["poses"]))))
+        return tuple(map(object_from_json, self.post("/poses", {"objects": objects}, frames)["poses"]))
 
     def record_outcome(self, prediction_id: str, success: bool, note: str | None = None) -> dict[str, Any]:
         """Tell the service whether the robot did the task with this prediction."""
@@ -139,12 +164,11 @@ class RoboPromptClient:
             version: the task's version for which the settings were chosen; the service refuses (409) if the task has
                 changed since. None: no such check.
         """
-        checked = {} if version is None else {"version": version}
-        return self._send(ask("PUT", f"/tasks/{task}", json=settings, params=checked))
+        return self._ask("PUT", f"/tasks/{task}", json=settings, params={} if version is None else {"version": version})
 
     def motion_limits(self, task: str) -> MotionLimits:
         """Return the task's limits of motion; raises InvalidInputError for a bound that is missing or cannot hold."""
-        return self._send(ask("GET", f"/tasks/{task}").then(MotionLimits.from_task))
+        return MotionLimits.from_task(self.get(f"/tasks/{task}"))
 
     def upload(
         self,
@@ -175,25 +199,11 @@ class RoboPromptClient:
         Args:
             idempotency_key: the same key with the same content stores the demonstration only once.
         """
-        return self._send(ask("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key}))
+        return self._ask("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
 
-    def edit_episode(
-        self,
-        episode_id: str,
-        *,
-        instruction: str | None = None,
-        left_out: bool | None = None,
-        note: str | None = None,
-    ) -> dict[str, Any]:
-        """Change an episode's members that are not None; return the episode.
-
-        Args:
-            left_out: True keeps the episode but shows it in no prompt.
-            note: for people; "" removes it.
-        """
-        wanted = {"instruction": instruction, "left_out": left_out, "note": note}
-        changes = {name: value for name, value in wanted.items() if value is not None}
-        return self._send(ask("PATCH", f"/episodes/{episode_id}", json=changes))
+    def edit_episode(self, /, episode_id: str, **changes: Any) -> dict[str, Any]:  # noqa: ANN401
+        """Change `instruction`, `left_out` or `note` of an episode, see `PATCH /episodes/{id}`; return the episode."""
+        return self._ask("PATCH", f"/episodes/{episode_id}", json=changes)
 
     def check(self, task: str, model: str | None = None) -> dict[str, Any]:
         """Return how well each demonstration of a task follows from the others, see `GET /tasks/{name}/check`.
@@ -202,7 +212,7 @@ class RoboPromptClient:
             model: an LLM to ask as well; it takes some seconds for each demonstration.
         """
         asked = {} if model is None else {"model": model}
-        return self._send(ask("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S))
+        return self._ask("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
 
     def learn_object_models(
         self, task: str, objects: Sequence[str] | None = None, episodes: int = 10

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.http import Request, ask
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.camera import RgbdFrame, camera_json
 from roboprompt_client.types.poses import object_json
@@ -18,9 +17,7 @@ from roboprompt_client.types.trajectory import Trajectory, npz_from_trajectory
 Part = tuple[str, bytes, str]
 BYTES = "application/octet-stream"
 CONTENT_TYPES = {".json": "application/json", ".jpg": "image/jpeg", ".png": "image/png", ".npy": BYTES, ".npz": BYTES}
-LEARNING_TIMEOUT_S = 600.0
 LONGEST_S = 600.0  # that the service gives a model where a request names no deadline
-MARGIN_S = 10.0  # the service answers within the request's own deadline; this is for the way there and back
 JPEG_QUALITY = 95
 _MAX_DEPTH_UNITS = np.iinfo(np.uint16).max
 
@@ -41,29 +38,6 @@ def episode_parts(metadata: Mapping[str, Any], trajectory: Trajectory, observati
     """Return the multipart files of `POST /episodes`; the observation's objects and cameras are added to `metadata`."""
     parts = request_parts({**metadata, **scene_json(observation)}, observation.frames)
     return {**parts, "trajectory": ("trajectory.npz", npz_from_trajectory(trajectory), BYTES)}
-
-
-def posted(path: str, document: Mapping[str, Any], frames: Sequence[RgbdFrame] = ()) -> Request[dict[str, Any]]:
-    """Return the request that sends a JSON document, with the frames' cameras and images if there are frames."""
-    if not frames:
-        return ask("POST", path, json=dict(document), timeout=LEARNING_TIMEOUT_S)
-    metadata = {**document, "cameras": [camera_json(frame.camera) for frame in frames]}
-    return ask("POST", path, files=request_parts(metadata, frames))
-
-
-def prediction_request(
-    task: str | None, instruction: str, observation: Observation, *, timeout_s: float | None = None, **options: object
-) -> Request[dict[str, Any]]:
-    """Return the request of `POST /predict`: JSON, or multipart where there are images."""
-    document = {"task": task, "instruction": instruction, **scene_json(observation), **options}
-    if timeout_s is not None:
-        document["timeout_s"] = timeout_s
-    if (pose := observation.end_effector) is not None:
-        document["end_effector"] = {"position": pose.position_m, "quaternion_xyzw": pose.quaternion_xyzw}
-    frames = observation.frames
-    body: dict[str, Any] = {"files": request_parts(document, frames)} if frames else {"json": document}
-    wait_s = (LONGEST_S if timeout_s is None else timeout_s) + MARGIN_S  # for which nothing may come
-    return ask("POST", "/predict", timeout=wait_s, **body)
 
 
 def _images_of(frame: RgbdFrame) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:

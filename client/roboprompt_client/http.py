@@ -1,21 +1,18 @@
-"""HTTP with one service: requests as values, and answers read as JSON or raised as this package's errors."""
+"""HTTP with one service: how it is reached, and answers read as JSON or raised as this package's errors."""
 
 import ipaddress
 import json
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any
 from urllib.parse import urlsplit
 
 import httpx
 
 from roboprompt_client.errors import InvalidInputError, ServiceProblemError, ServiceUnreachableError
 
-Answer = TypeVar("Answer")
-Other = TypeVar("Other")
 KEY_VARIABLE = "ROBOPROMPT_API_KEY"
 MAX_PORT = 65535
 DEFAULT_TIMEOUT_S = 60.0
@@ -33,20 +30,16 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def is_own_machine(url: str) -> bool:
-    """Return whether a URL names this machine; requests to it must not go through a proxy."""
-    try:
-        return is_loopback(urlsplit(url).hostname or "")
-    except ValueError:
-        return False
-
-
 def without_proxy(url: str) -> dict[str, None] | None:
     """Return httpx's `mounts` that ignore the environment's proxies for this machine; None for other machines.
 
     Certificates of the environment are still used, unlike with `trust_env=False`.
     """
-    return {"http://": None, "https://": None} if is_own_machine(url) else None
+    try:
+        own = is_loopback(urlsplit(url).hostname or "")
+    except ValueError:
+        own = False
+    return {"http://": None, "https://": None} if own else None
 
 
 def http_options(url: str, api_key: str | None) -> dict[str, Any]:
@@ -70,46 +63,20 @@ def http_options(url: str, api_key: str | None) -> dict[str, Any]:
             raise ServiceUnreachableError(refusal)
     except (httpx.InvalidURL, ValueError) as error:
         raise ServiceUnreachableError(refusal) from error
-    limits = httpx.Limits(keepalive_expiry=KEEPALIVE_S)
-    proxies = without_proxy(url)
-    return {"base_url": parsed, "timeout": DEFAULT_TIMEOUT_S, "headers": headers, "mounts": proxies, "limits": limits}
+    limits, mounts = httpx.Limits(keepalive_expiry=KEEPALIVE_S), without_proxy(url)
+    return {"base_url": parsed, "timeout": DEFAULT_TIMEOUT_S, "headers": headers, "mounts": mounts, "limits": limits}
 
 
-@dataclass(frozen=True)
-class Request(Generic[Answer]):
-    """A request to a service, and the function that reads its answer.
-
-    Attributes:
-        arguments: of `httpx.Client.request`.
-        read: raises ServiceProblemError if the service refused or failed, and ServiceUnreachableError if what answers
-            is not a RoboPrompt service.
-    """
-
-    method: str
-    path: str
-    arguments: Mapping[str, Any]
-    read: Callable[[httpx.Response], Answer]
-
-    def then(self, read: Callable[[Answer], Other]) -> "Request[Other]":
-        """Return the same request whose answer is then read by `read`, too."""
-        return Request(self.method, self.path, self.arguments, lambda response: read(self.read(response)))
-
-    @contextmanager
-    def transport_errors(self, base_url: httpx.URL) -> Iterator[None]:
-        """Raise ServiceUnreachableError, naming the request, if it is not answered."""
-        try:
-            yield
-        except httpx.TransportError as error:
-            address = f"{str(base_url).rstrip('/')}/{self.path.lstrip('/')}"
-            what = f"{self.method} {address}: {error or type(error).__name__}"
-            if isinstance(error, httpx.ConnectError):
-                what += ": is the service running, and is this its address?"
-            raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
-
-
-def ask(method: str, path: str, **arguments: Any) -> Request[dict[str, Any]]:  # noqa: ANN401
-    """Return a request for a JSON object; arguments as of `httpx.Client.request`."""
-    return Request(method, path, arguments, document_in)
+@contextmanager
+def transport_errors(method: str, address: str) -> Iterator[None]:
+    """Raise ServiceUnreachableError, naming the request, if it is not answered."""
+    try:
+        yield
+    except httpx.TransportError as error:
+        what = f"{method} {address}: {error or type(error).__name__}"
+        if isinstance(error, httpx.ConnectError):
+            what += ": is the service running, and is this its address?"
+        raise ServiceUnreachableError(what, timed_out=isinstance(error, httpx.TimeoutException)) from error
 
 
 def require_success(response: httpx.Response) -> httpx.Response:
@@ -123,15 +90,17 @@ def require_success(response: httpx.Response) -> httpx.Response:
 
 
 def document_in(response: httpx.Response) -> dict[str, Any]:
-    """Return the JSON object of a response; raises as `Request.read`."""
+    """Return the JSON object of a response.
+
+    Raises:
+        ServiceProblemError: if the service refused or failed.
+        ServiceUnreachableError: if what answers is not a RoboPrompt service.
+    """
     document = _json(require_success(response).content)
     if not isinstance(document, dict):
-        raise ServiceUnreachableError(f"{_asked(response)}: what answers there is not a RoboPrompt service")
+        asked = f"{response.request.method} {response.url.copy_with(query=None)}"
+        raise ServiceUnreachableError(f"{asked}: what answers there is not a RoboPrompt service")
     return document
-
-
-def _asked(response: httpx.Response) -> str:
-    return f"{response.request.method} {response.url.copy_with(query=None)}"
 
 
 def _json(data: bytes) -> object:
@@ -140,16 +109,3 @@ def _json(data: bytes) -> object:
         return json.loads(data)
     except ValueError:
         return None
-
-
-def read_ping(response: httpx.Response) -> None:
-    """Return if a RoboPrompt service has answered `GET /healthz`; raises as `Request.read`."""
-    try:
-        known = document_in(response).get("checks") is not None
-    except ServiceProblemError as error:
-        if "type" in error.problem:
-            raise
-        known = False
-    if not known:
-        address = str(response.url).removesuffix("/healthz")
-        raise ServiceUnreachableError(f"{address}: what answers there is not a RoboPrompt service")

@@ -15,7 +15,7 @@ from roboprompt_client.errors import (
     StepFailedError,
 )
 from roboprompt_client.robot import Observation
-from roboprompt_client.runs.plans import run_plan
+from roboprompt_client.runs.loop import run_plan
 from roboprompt_client.types.poses import ObjectPose
 
 STEPS = (PlannedStep("open", "open the box"), PlannedStep("fill", "put the cup in the box"))

@@ -6,7 +6,7 @@ from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.encoding import scene_json
 from roboprompt_client.errors import ServiceProblemError
 from roboprompt_client.robot import Observation
-from roboprompt_client.runs.plans import run_plan
+from roboprompt_client.runs.loop import run_plan
 from roboprompt_client.types.poses import ObjectPose
 from tests.episodes import pick_trajectory
 
