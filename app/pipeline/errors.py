@@ -6,7 +6,7 @@
     │   ├── NoPoseError            the images do not give an object's pose; carries its name
     │   │   ├── ObjectNotVisibleError  no camera sees it
     │   │   └── UncertainPoseError     it is seen, but not well enough
-    │   └── InstructionError       an instruction is not clear; lists those that the task knows
+    │   └── InstructionError       an instruction is not clear
     │       ├── UngroundedInstructionError  a phrase of it stands for no object, or for several
     │       └── UnfamiliarInstructionError  it is unlike every taught one
     ├── ReplyParseError            the LLM's reply is not a list of valid actions; carries the raw text
@@ -53,13 +53,7 @@ class UncertainPoseError(NoPoseError):
 
 
 class InstructionError(InvalidInputError):
-    """An instruction that is not clear.
-
-    Attributes:
-        choices: the instructions that the task knows, among which it may be.
-    """
-
-    choices: tuple[str, ...] = ()
+    """An instruction that is not clear."""
 
 
 class UngroundedInstructionError(InstructionError):

@@ -6,7 +6,6 @@ import pytest
 from app.llm.base import ModelTimeoutError, ModelUnavailableError
 from app.llm.computed import SCRIPTED
 from app.perception.base import ObjectQuery
-from app.pipeline.errors import UnfamiliarInstructionError
 from app.services.errors import RefusedReplyError
 from app.services.predict import demonstrations
 from app.services.predict.demonstrations import recordings_of
@@ -105,38 +104,3 @@ def test_settings_follow_request_then_task_then_model(taught):
     assert (style().representation, style().system_prompt) == ("object_frame", "b")
     wished = with_options(REQUEST, representation="absolute")
     assert style(wished).representation == "absolute"
-
-
-UNCLEAR = replace(REQUEST, instruction="soulevez le cube, s'il vous plaît")
-
-
-def test_a_chat_model_is_asked_what_unclear_words_mean(store, taught):
-    asked = []
-    prediction = ask(taught("1", ONE_ACTION, asked=asked), UNCLEAR)
-    assert prediction.reply.question.grounded.text == "pick up the cube"
-    assert [phrase.to_json() for phrase in prediction.reply.question.grounded.phrases] == [
-        {"phrase": UNCLEAR.instruction, "object": "cube", "by": "llm"}
-    ]
-    assert "1. pick up the cube" in asked[0].prompt.user
-    assert UNCLEAR.instruction in asked[0].prompt.query
-    assert UNCLEAR.instruction not in asked[1].prompt.user
-    assert recorded(store)[0].instruction == UNCLEAR.instruction
-
-
-@pytest.mark.parametrize(
-    "reply", ["none", "0", "2", "1 or 2", "the cube", ModelTimeoutError("slow"), ModelUnavailableError("no key")]
-)
-def test_what_the_chat_model_does_not_find_is_refused(store, taught, reply):
-    with pytest.raises(UnfamiliarInstructionError, match="soulevez"):
-        ask(taught(reply, ONE_ACTION), UNCLEAR)
-    assert recorded(store) == ()
-
-
-def test_completion_models_and_dry_runs_ask_no_model_for_the_meaning(store, taught):
-    asked = []
-    with pytest.raises(UnfamiliarInstructionError):
-        ask(taught("1", ONE_ACTION, asked=asked, profile=replace(SCRIPTED, style="completion")), UNCLEAR)
-    chat = taught("1", ONE_ACTION, asked=asked)
-    with pytest.raises(UnfamiliarInstructionError):
-        asyncio.run(chat.predict_actions.prepare(UNCLEAR, ask_meaning=False))
-    assert asked == []

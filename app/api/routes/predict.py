@@ -68,7 +68,7 @@ async def predict(request: Request, services: Wired) -> Response:
     body = await read_body(request)
     streamed = _wants_events(request.headers.get("accept", ""))
     query, asked = await questioned(body, services)
-    question = await services.predict_actions.prepare(query, ask_meaning=not asked.dry_run)
+    question = await services.predict_actions.prepare(query)
     del query  # what was decoded would fill the memory while the LLM is asked
     if asked.dry_run:
         return JSONResponse(dry_run_document(question))

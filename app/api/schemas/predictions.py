@@ -75,7 +75,7 @@ class GroundingOut(BaseModel):
 
     phrase: str
     object: str
-    by: Literal["name", "alias", "color", "relation", "taught", "llm"]
+    by: Literal["name", "alias", "color", "relation", "taught"]
 
 
 class UnderstoodOut(BaseModel):

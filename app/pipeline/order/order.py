@@ -61,7 +61,7 @@ class Grounding:
     """The object that a phrase of an instruction names.
 
     Attributes:
-        by: name, alias, color, relation, taught (named by the taught instruction only), or llm.
+        by: name, alias, color, relation, or taught (named by the taught instruction only).
     """
 
     phrase: str

@@ -1,17 +1,13 @@
 """`POST /predict`: observation and instruction -> actions, by an LLM that continues the demonstrations' pattern."""
 
-import logging
 from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import aclosing, asynccontextmanager
-from dataclasses import replace
 
 import anyio.to_thread
 
 from app.llm.base import Reading, TextDelta
 from app.llm.registry import ModelRegistry
-from app.pipeline.errors import InstructionError
-from app.services.measures import timed, timings, timings_of_its_own
-from app.services.predict.instruction import ask_meaning
+from app.services.measures import timings, timings_of_its_own
 from app.services.predict.known import KnownReader
 from app.services.predict.motion_check import MotionCheck
 from app.services.predict.part_reply import PredictedAction
@@ -24,7 +20,6 @@ from app.store.store import Store
 from roboprompt_client.errors import UnsafeActionError
 
 Arriving = PredictedAction | TextDelta | Reading
-logger = logging.getLogger(__name__)
 
 
 class PredictActions:
@@ -53,32 +48,9 @@ class PredictActions:
         with timings_of_its_own():
             return await self.complete(await self.prepare(request))
 
-    async def prepare(self, request: PredictRequest, *, ask_meaning: bool = True) -> Question:
-        """Return the question to the LLM, with its prompt.
-
-        Args:
-            ask_meaning: whether a chat model may be asked which known instruction an unclear one means.
-
-        Raises:
-            as `question_of`.
-        """
-        try:
-            return await anyio.to_thread.run_sync(question_of, request, self._known)
-        except InstructionError as error:
-            meaning = await self._meaning(request, error) if ask_meaning else None
-            if meaning is None:
-                raise
-            meant = replace(request, meaning=meaning)
-            return await anyio.to_thread.run_sync(question_of, meant, self._known)
-
-    async def _meaning(self, request: PredictRequest, error: InstructionError) -> str | None:
-        """Return the known instruction that an unclear one means, as the request's model judges; None without one."""
-        if not error.choices:
-            return None
-        with timed("words"):
-            profile = self._known.profile_of(request.options.model)
-            async with self._models.using(profile.name) as model:
-                return await ask_meaning(model, request.instruction, error.choices, request.options.deadline_s(profile))
+    async def prepare(self, request: PredictRequest) -> Question:
+        """Return the question to the LLM, with its prompt; raises as `question_of`."""
+        return await anyio.to_thread.run_sync(question_of, request, self._known)
 
     async def complete(self, question: Question) -> Prediction:
         """Ask the LLM; return the whole prediction, recorded.

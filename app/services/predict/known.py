@@ -67,7 +67,7 @@ class KnownReader:
     def __init__(
         self, store: Store, profile_of: Callable[[str | None], ModelProfile], pose_servers: PoseServers
     ) -> None:
-        self._store, self.profile_of, self._pose_servers = store, profile_of, pose_servers
+        self._store, self._profile_of, self._pose_servers = store, profile_of, pose_servers
         self._kept: Cache[TaskState, TaskVersion] = Cache(MAX_TASKS)
 
     def __call__(self, request: PredictRequest) -> Known:
@@ -105,7 +105,7 @@ class KnownReader:
 
     def _known(self, request: PredictRequest, task: TaskReading, poses: Mapping[str, ObjectPose]) -> Known:
         kept, names = task.kept, task.record.object_names or ()
-        profile = self.profile_of(request.options.model)
+        profile = self._profile_of(request.options.model)
         from_start = request.end_effector is not None
         style = PromptStyle.of(request.options, kept.settings, profile, from_start=from_start)
         taught = task.taught(style.from_start)
@@ -181,6 +181,6 @@ class KnownReader:
         """
         options = PredictOptions()
         with self.reading(task_name) as task:
-            style = PromptStyle.of(options, task.kept.settings, self.profile_of(None))
+            style = PromptStyle.of(options, task.kept.settings, self._profile_of(None))
             task.taught(style.from_start)  # refuses a task without demonstrations
             return task.selected(options, ()), task.kept.settings, style

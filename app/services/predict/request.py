@@ -87,7 +87,6 @@ class PredictRequest:
         cameras: those of the frames, where these are no longer kept.
         images: the same as they came, by camera, to be stored with the prediction.
         end_effector: where the robot's end effector is, where it is known.
-        meaning: the instruction of the task that `instruction` means, where an LLM was asked for it.
         as_sent: the request as it came, to be stored with the prediction.
 
     Raises:
@@ -101,7 +100,6 @@ class PredictRequest:
     cameras: tuple[Camera, ...] = ()
     images: Mapping[str, ImageBytes] = field(default_factory=dict)
     end_effector: Pose | None = None
-    meaning: str | None = None
     options: PredictOptions = PredictOptions()  # noqa: RUF009  it is frozen
     as_sent: JsonObject = field(default_factory=dict)
 

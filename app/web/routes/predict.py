@@ -169,7 +169,7 @@ async def predict_prompt(request: Request, services: Wired) -> Response:
     """The prompt that a request to `/predict` would put to its LLM, in colors, and the scene; no LLM is asked."""
     body = await read_body(request)
     query, _ = await questioned(body, services)
-    question = await services.predict_actions.prepare(query, ask_meaning=False)
+    question = await services.predict_actions.prepare(query)
     return await run_in_threadpool(_prompt_part, request, services, question)
 
 
