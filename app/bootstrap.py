@@ -47,10 +47,9 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
     store = await asyncio.to_thread(open_store, settings)
     if access_for(settings).key_required and not await asyncio.to_thread(has_keys, store):
         logger.warning("API keys are required, but none exists: roboprompt keys add NAME --scope admin")
-    kept = settings.embedded_kept_folder or settings.data / "prefixes"
     services = Services(
         store,
-        ModelRegistry(settings.model_copy(update={"embedded_kept_folder": kept})),
+        ModelRegistry(settings),
         settings.default_model,
         OfferedModels(settings.allowed_models, files=_is_local(settings) and settings.auth != "on"),
         PoseServers(settings.pose_servers),

@@ -1,4 +1,4 @@
-"""`roboprompt`: the service, its keys, models and backups; evaluation; data in and out; cameras."""
+"""`roboprompt`: the service, its keys and backups; evaluation; data in and out; cameras."""
 
 import sys
 from importlib import import_module
@@ -24,7 +24,6 @@ COMMANDS = {
     "import": ("import_data:import_data", "Import a dataset; the same command again continues where it stopped."),
     "export": ("export_data:export_data", "Export a task: --archive, --lerobot."),
     "keys": ("administration:keys", "API keys: add, list, revoke."),
-    "models": ("models:application", "LLMs that run on this machine: add, list, remove."),
 }
 
 

@@ -155,7 +155,8 @@ def model(settings: Settings) -> Probe:
     try:
         ModelRegistry(settings).profile(name)
         if name.startswith("embedded/"):
-            return Probe(f"LLM {name}", "ok", f"weights in {find_weights(name.removeprefix('embedded/'), settings)()}")
+            path = find_weights(name.removeprefix("embedded/"), settings.cache_folder)()
+            return Probe(f"LLM {name}", "ok", f"weights in {path}")
     except (RoboPromptError, OSError) as error:
         return Probe(f"LLM {name}", "missing", str(error), "as it says, or name another LLM: ROBOPROMPT_DEFAULT_MODEL")
     return Probe(f"LLM {name}", "ok", "is set up; whether it answers is asked by GET /models")

@@ -1,6 +1,7 @@
 """`roboprompt serve` runs the service."""
 
 import os
+from contextlib import nullcontext
 from typing import Annotated
 
 import typer
@@ -8,6 +9,7 @@ import uvicorn
 
 from app.bootstrap import build_app, open_store
 from app.cli.shared import Data, EnvFile, check_port, errors_printed, settings_of
+from app.llm.llama.embedded import shared_by_workers
 from app.settings import Settings
 
 MAX_HEAD_BYTES = 65_536
@@ -35,26 +37,26 @@ def serve(
     with errors_printed():  # in a sentence and once, before any worker starts
         open_store(settings).close()
     application = build_app(settings) if workers == 1 else _for_workers(settings)
-    uvicorn.run(
-        application,
-        host=host,
-        port=port,
-        workers=workers,
-        http="h11",  # its heads are bounded
-        h11_max_incomplete_event_size=MAX_HEAD_BYTES,
-        limit_concurrency=MAX_CONNECTIONS,
-        ws="none",
-        server_header=False,
-        proxy_headers=bool(settings.trusted_proxies),
-        forwarded_allow_ips=list(settings.trusted_proxies),
-        timeout_graceful_shutdown=GRACE_S,
-        log_level="info",
-    )
+    with nullcontext() if workers == 1 else shared_by_workers(settings):
+        uvicorn.run(
+            application,
+            host=host,
+            port=port,
+            workers=workers,
+            http="h11",  # its heads are bounded
+            h11_max_incomplete_event_size=MAX_HEAD_BYTES,
+            limit_concurrency=MAX_CONNECTIONS,
+            ws="none",
+            server_header=False,
+            proxy_headers=bool(settings.trusted_proxies),
+            forwarded_allow_ips=list(settings.trusted_proxies),
+            timeout_graceful_shutdown=GRACE_S,
+            log_level="info",
+        )
 
 
 def _for_workers(settings: Settings) -> str:
     """The import name of the application that each worker builds from the environment."""
     for name in ("data", "host", "auth"):
         os.environ[f"ROBOPROMPT_{name.upper()}"] = str(getattr(settings, name))
-    os.environ.setdefault("ROBOPROMPT_EMBEDDED_SHARED_FOLDER", str(settings.data / "llm"))
     return "app.asgi:app"

@@ -1,6 +1,5 @@
 """The backends by name: how each makes a model, and which models it offers."""
 
-import importlib.util
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
@@ -10,16 +9,15 @@ from pydantic import SecretStr
 from app.llm.anthropic import AnthropicModel
 from app.llm.base import LanguageModel, ModelProfile, ModelUnavailableError, UnknownModelError
 from app.llm.computed import NEAREST, REGRESSION, SCRIPTED, ScriptedModel, nearest, regression
-from app.llm.llama.embedded import EmbeddedModel
-from app.llm.llama.known_models import KNOWN, profile_of
-from app.llm.llama.vocabulary import TrimmedModel
-from app.llm.llama.weights import find_trimmed_weights, find_weights, own_models
+from app.llm.llama.embedded import embedded_model, embedded_profile
+from app.llm.llama.weights import GEMMA
 from app.llm.llm_settings import LlmSettings, variable
 from app.llm.openai_compatible import SERVERS, OpenAiCompatibleModel, ServerQuirks, quirks_of
 from app.llm.resilient import ProviderLimits
 from app.llm.sse import Server
 
 ENTRY_POINT_GROUP = "roboprompt.llm"
+QUEUED = 32  # robots that wait for a place; further ones are told at once that the model is busy
 
 # A model from the part of its name after `backend/` (empty if there is none) and the settings. Quick: it starts nothing
 # and connects to nothing. Raises UnknownModelError, or ModelUnavailableError for what is missing.
@@ -48,34 +46,13 @@ def all_backends() -> dict[str, Backend]:
 
 
 def _network_limits(settings: LlmSettings) -> ProviderLimits:
-    """Of a provider's account, whichever of its models is asked."""
-    return ProviderLimits(
-        concurrent=settings.llm_concurrent_requests,
-        queued=settings.llm_queued_requests,
-        retries=settings.llm_retries,
-        backoff_s=settings.llm_backoff_s,
-        failures=settings.llm_failures,
-        pause_s=settings.llm_pause_s,
-    )
+    """Of a provider's account, whichever of its models is asked. Providers' own limits are far above."""
+    return ProviderLimits(concurrent=8, queued=QUEUED, retries=2, backoff_s=0.5)
 
 
 def _embedded_limits(settings: LlmSettings) -> ProviderLimits:
     """Of a model's slots. A second try finds llama.cpp started again if it died."""
-    return ProviderLimits(settings.embedded_slots, settings.llm_queued_requests, retries=1, each_model=True)
-
-
-def _embedded(model: str, settings: LlmSettings) -> LanguageModel:
-    weights = find_weights(model, settings)
-    if importlib.util.find_spec("xllamacpp") is None:
-        raise ModelUnavailableError("embedded models need llama.cpp: pip install xllamacpp")
-    whole = EmbeddedModel(profile_of(model), weights, settings)
-    if (trimmed := find_trimmed_weights(model, settings)) is None:
-        return whole
-    return TrimmedModel(EmbeddedModel(profile_of(model), trimmed, settings), whole)
-
-
-def _embedded_offered(settings: LlmSettings) -> list[ModelProfile]:
-    return [profile_of(model) for model in (*KNOWN, *own_models(settings))]
+    return ProviderLimits(settings.embedded_slots, QUEUED, retries=1, each_model=True)
 
 
 def _provider(
@@ -159,7 +136,7 @@ def _single(
 
 
 BUILT_IN: Mapping[str, Backend] = {
-    "embedded": Backend(_embedded, _embedded_offered, _embedded_limits),
+    "embedded": Backend(embedded_model, lambda settings: [embedded_profile(GEMMA)], _embedded_limits),
     "anthropic": _provider(
         "anthropic",
         {

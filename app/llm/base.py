@@ -49,6 +49,9 @@ class ModelResponseError(LanguageModelError):
     """The backend answered with an error or with something unintelligible."""
 
 
+QUICK_S = 60.0
+
+
 @dataclass(frozen=True)
 class ModelProfile:
     """The properties of a model that decide how a prompt for it is written."""
@@ -60,7 +63,7 @@ class ModelProfile:
     prompt_format: str = "paper"  # the one that suits it best, used in the same way where the representation has it
     system_prompt: str = "a"  # the system prompt that suits it best (a variant's name, or `none`)
     description: str = ""  # one line for people
-    timeout_s: float = 60.0  # the deadline that suits it best, used where a request names none
+    timeout_s: float = QUICK_S  # the deadline that suits it best, used where a request names none
     reading_s: float = 0.0  # what that is longer for each 1,000 characters of a prompt
 
 

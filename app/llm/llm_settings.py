@@ -9,7 +9,6 @@ from pydantic import BaseModel, ConfigDict, Field, SecretStr
 ENV_PREFIX = "ROBOPROMPT_"
 CACHE = platformdirs.user_cache_path("roboprompt")
 Style = Literal["chat", "completion"]
-Vocabulary = Literal["trimmed", "whole"]
 CompatibleServer = Literal["other", "llama_cpp", "vllm", "sglang", "ollama", "lm_studio"]
 
 
@@ -19,11 +18,7 @@ def variable(setting: str) -> str:
 
 
 class LlmSettings(BaseModel):
-    """Keys, addresses and sizes; each field is filled by the environment variable `variable(field)`.
-
-    `llm_concurrent_requests`, `llm_retries` and what follows them hold for each provider; an embedded model has as many
-    places as slots.
-    """
+    """Keys, addresses and sizes; each field is filled by the environment variable `variable(field)`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -53,23 +48,4 @@ class LlmSettings(BaseModel):
     embedded_threads: Annotated[int | None, Field(ge=1, description="CPU threads; empty: one per core")] = None
     embedded_slots: Annotated[int, Field(ge=1, description="predictions that share an embedded model at once")] = 4
     embedded_context_tokens: Annotated[int, Field(ge=512, description="longest prompt plus reply")] = 8192
-    embedded_vocabulary: Annotated[
-        Vocabulary,
-        Field(description="trimmed: no tokens of other scripts, shorter waits; whole: as packaged"),
-    ] = "trimmed"
-    embedded_shared_folder: Annotated[
-        Path | None, Field(description="workers share one embedded model through it; `serve --workers` sets it")
-    ] = None
-    embedded_kept_folder: Annotated[
-        Path | None,
-        Field(description="what models have read, while the service is down; empty: prefixes in the data folder"),
-    ] = None
     scripted_replies: Annotated[tuple[str, ...], Field(description="what the backend `scripted` replies, in turn")] = ()
-    llm_concurrent_requests: Annotated[int, Field(ge=1, description="requests that one provider is asked at once")] = 8
-    llm_queued_requests: Annotated[int, Field(ge=0, description="further requests that wait; more are refused")] = 32
-    llm_retries: Annotated[
-        int, Field(ge=0, description="after 429, 5xx and lost connections, before an action is out")
-    ] = 2
-    llm_backoff_s: Annotated[float, Field(ge=0, description="wait before the first retry; doubles, up to 8 s")] = 0.5
-    llm_failures: Annotated[int, Field(ge=1, description="so many in a row, and a provider is left alone")] = 5
-    llm_pause_s: Annotated[float, Field(ge=0, description="how long; then one request tries it")] = 15

@@ -17,7 +17,7 @@ from app.llm.base import (
     UnknownModelError,
 )
 from app.llm.llm_settings import LlmSettings
-from app.llm.resilient import NO_LIMITS, Guard, ResilientModel
+from app.llm.resilient import NO_LIMITS, Places, ResilientModel
 
 # Names come from requests, and each model holds connections or a process: so many are kept beside those that backends
 # offer and the default one, which always have a place.
@@ -44,7 +44,7 @@ class ModelRegistry:
         self._settings = settings
         self._backends = all_backends() if backends is None else backends
         self._models: OrderedDict[str, ResilientModel] = OrderedDict()  # the one unused for longest first
-        self._guards: dict[str, Guard] = {}
+        self._places: dict[str, Places] = {}
         self._users: Counter[str] = Counter()
         self._evicted: list[ResilientModel] = []  # not closed yet
         self._lock = threading.Lock()
@@ -103,7 +103,7 @@ class ModelRegistry:
         if (idle := next((other for other in kept if not self._users[other]), None)) is None:
             raise ModelBusyError(f"{MAX_MODELS} other models are in use at present", retryable=True, retry_after_s=1.0)
         self._evicted.append(self._models.pop(idle))
-        self._guards.pop(idle, None)
+        self._places.pop(idle, None)
 
     async def _close_evicted(self) -> None:
         while self._evicted:
@@ -139,7 +139,7 @@ class ModelRegistry:
         bare = backend.create(model, self._settings)
         limits = backend.limits(self._settings) if backend.limits else NO_LIMITS
         owner = name if limits.each_model else backend_name
-        return ResilientModel(bare, self._guards.setdefault(owner, Guard(owner, limits)))
+        return ResilientModel(bare, self._places.setdefault(owner, Places(owner, limits)))
 
     def _offered_profiles(self) -> list[ModelProfile]:
         return [profile for backend in self._backends.values() for profile in backend.offered(self._settings)]

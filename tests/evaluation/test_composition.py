@@ -162,7 +162,7 @@ def test_the_right_parts_succeed_and_have_a_danger(service, tmp_path, task):
 
 def test_models_are_asked_alike_and_the_yardsticks_have_no_other_rules():
     *models, by_itself, copy, regression, parts, replay = SWEEP.with_models([MODEL])
-    assert [method.options["model"] for method in models] == [*EMBEDDED, MODEL]
+    assert [method.options["model"] for method in models] == [EMBEDDED, MODEL]
     assert all(method.options == {**OPEN.options, "model": method.options["model"]} for method in models)
     assert all(method.settings == OPEN.settings for method in (*models, copy, regression, parts))
     assert by_itself == Method("default", {"timeout_s": 600.0, "model": MODEL})

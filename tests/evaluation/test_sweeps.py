@@ -59,8 +59,8 @@ def test_models():
     assert one[0].label == "default"
     two = with_models(main, ["a", "b"])
     assert [m.label for m in two[:2]] == ["default, a", "default, b"]
-    over = SWEEPS["models"].with_models(["a"])
-    assert [m.label for m in over] == ["embedded/gemma-3-270m", "embedded/smollm2-135m", "a"]
+    over = SWEEPS["outside"].with_models(["a"])
+    assert [m.label for m in over[:4]] == ["nearest", "regression", "embedded/gemma-3-270m", "a"]
 
 
 def test_the_method_asked_for_comes_first():

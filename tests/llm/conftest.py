@@ -4,7 +4,7 @@ import pytest
 
 from app.llm.backends import BUILT_IN
 from app.llm.llama.process import LlamaOptions, LlamaProcess
-from app.llm.llama.weights import find_trimmed_weights
+from app.llm.llama.weights import trimmed_gemma
 from app.llm.llm_settings import LlmSettings
 from app.llm.registry import ModelRegistry
 
@@ -43,7 +43,7 @@ def gemma(registry):
 @pytest.fixture(scope="session")
 def llama_server(settings):
     """A real server that speaks OpenAI's API, with the tokens that the service's own model has."""
-    path = find_trimmed_weights("gemma-3-270m", settings)()
+    path = trimmed_gemma(settings.cache_folder)()
     options = LlamaOptions(str(path), slots=2, context_tokens=2048, threads=1)
     process = LlamaProcess(options)
     yield process.server

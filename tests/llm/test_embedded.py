@@ -13,9 +13,9 @@ import pytest
 from app.llm.base import ModelProfile, ModelResponseError, ModelUnavailableError, Reading, complete
 from app.llm.llama.embedded import EmbeddedModel
 from app.llm.llama.process import LlamaOptions, LlamaProcess
-from app.llm.llama.weights import find_trimmed_weights
+from app.llm.llama.weights import trimmed_gemma
 from app.llm.llm_settings import LlmSettings
-from app.llm.openai_compatible import LLAMA_CPP, OpenAiCompatibleModel
+from app.llm.openai_compatible import OWN_LLAMA_CPP, OpenAiCompatibleModel
 from app.pipeline.prompt import Prompt
 from tests.llm.processes import child_pids
 from tests.llm.texts import ENDLESS, asking, object_frame_prompt
@@ -30,7 +30,7 @@ OPTIONS = LlmSettings(embedded_threads=1, embedded_slots=2, embedded_context_tok
 @asynccontextmanager
 async def started(settings, profile=PROFILE):
     """A model of its own."""
-    model = EmbeddedModel(profile, find_trimmed_weights("gemma-3-270m", settings), OPTIONS)
+    model = EmbeddedModel(profile, trimmed_gemma(settings.cache_folder), OPTIONS)
     try:
         yield model
     finally:
@@ -46,57 +46,6 @@ async def longest_pause(while_running):
         longest = max(longest, time.perf_counter() - before)
     await task
     return longest / (time.perf_counter() - begun)
-
-
-@pytest.fixture
-def keeping(settings, tmp_path):
-    """A model of its own, as often as it is called, that keeps what it has read in one folder; and the files there."""
-
-    def files():
-        return [file for file in tmp_path.rglob("*") if file.is_file()]
-
-    def start():
-        weights = find_trimmed_weights("gemma-3-270m", settings)
-        return EmbeddedModel(PROFILE, weights, OPTIONS.model_copy(update={"embedded_kept_folder": tmp_path}))
-
-    return start, files
-
-
-async def read_by(model):
-    """How many tokens of a prompt a model that starts finds already read, and the reply; then it ends."""
-    completion = await complete(model, asking(object_frame_prompt(num_demonstrations=3), max_tokens=8))
-    await model.aclose()
-    return completion.usage.cached_tokens / completion.usage.prompt_tokens, completion.text
-
-
-async def test_what_was_read_is_there_after_a_restart_and_not_on_the_disk_meanwhile(keeping):
-    start, files = keeping
-    first, reply = await read_by(start())
-    (file,) = files()
-    assert (first, file.parent.stat().st_mode & 0o77) == (0, 0)
-    model = start()
-    await model.warm_up()
-    assert files() == []
-    again, repeated = await read_by(model)
-    assert (again > 0.95, repeated) == (True, reply)
-
-
-async def test_damaged_and_foreign_files_are_removed_and_the_prompt_read_again(keeping):
-    start, files = keeping
-    _, reply = await read_by(start())
-    (file,) = files()
-    content = file.read_bytes()
-    middle = len(content) // 2
-    flipped = content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
-    foreign = {f"other{file.name}": content, "notes.bin": content}
-    for wrong in ({file.name: flipped}, {file.name: content[:middle]}, foreign):
-        file.unlink()
-        for name, damaged in wrong.items():
-            file.with_name(name).write_bytes(damaged)
-        model = start()
-        await model.warm_up()
-        assert files() == [], list(wrong)
-        assert await read_by(model) == (0, reply), list(wrong)  # and keeps its file again
 
 
 async def test_concurrent_first_requests_share_one_start_and_the_loop_goes_on(settings, capfd):
@@ -207,7 +156,7 @@ async def client_of(llama_server):
     """A model of the server, and a function that tells how many of its slots are at work."""
     profile = ModelProfile("cancelled", "completion", grammar=True, representation="object_frame")
     key = llama_server.key
-    model = OpenAiCompatibleModel(profile, llama_server, "x", LLAMA_CPP)
+    model = OpenAiCompatibleModel(profile, llama_server, "x", OWN_LLAMA_CPP)
     url = llama_server.base_url.replace("/v1", "/slots")
 
     async def num_busy():
@@ -247,7 +196,7 @@ async def test_a_cancelled_request_stops_llama_cpp(llama_server, request_, other
 
 
 def test_the_server_ends_with_its_parents_input(settings):
-    path = find_trimmed_weights("gemma-3-270m", settings)()
+    path = trimmed_gemma(settings.cache_folder)()
     process = LlamaProcess(LlamaOptions(str(path), slots=1, context_tokens=512, threads=1))
     host, port = process.server.base_url.removeprefix("http://").removesuffix("/v1").split(":")
     assert process.running

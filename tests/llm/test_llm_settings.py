@@ -12,8 +12,6 @@ VALUES = {
     "compatible_style": ("completion", "completion"),
     "scripted_replies": ('["[[1]]", "no"]', "('[[1]]', 'no')"),
     "embedded_threads": ("2", "2"),
-    "embedded_vocabulary": ("whole", "whole"),
-    "llm_pause_s": ("1.5", "1.5"),
 }
 
 
@@ -30,8 +28,8 @@ def test_every_llm_setting_can_be_set(monkeypatch):
 def test_a_bare_one_does_not_read_the_environment(monkeypatch):
     monkeypatch.setenv(variable("default_model"), "openai/gpt-4o")
     assert LlmSettings().default_model == "embedded/gemma-3-270m"
-    with pytest.raises(ValidationError, match="llm_retires"):
-        LlmSettings(llm_retires=3)
+    with pytest.raises(ValidationError, match="embedded_threds"):
+        LlmSettings(embedded_threds=3)
 
 
 @pytest.mark.parametrize("kind", [LlmSettings, Settings])
@@ -41,9 +39,7 @@ def test_a_key_is_not_shown(kind):
     assert "sk-secret" not in f"{settings} {settings!r}"
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("embedded_slots", "0"), ("llm_retries", "-1"), ("compatible_server", "x")]
-)
+@pytest.mark.parametrize(("name", "value"), [("embedded_slots", "0"), ("compatible_server", "x")])
 def test_a_setting_that_makes_no_sense_is_refused(monkeypatch, name, value):
     monkeypatch.setenv(variable(name), value)
     with pytest.raises(ValidationError, match=name):

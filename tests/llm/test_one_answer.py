@@ -12,7 +12,7 @@ import pytest
 
 from app.llm.base import complete
 from app.llm.llama.embedded import EmbeddedModel
-from app.llm.llama.weights import find_trimmed_weights
+from app.llm.llama.weights import trimmed_gemma
 from app.llm.llm_settings import LlmSettings
 from app.pipeline.prompt import Prompt
 from tests.llm.test_embedded import PROFILE
@@ -46,7 +46,7 @@ def question(request):
 
 
 def fresh_model(settings):
-    return EmbeddedModel(PROFILE, find_trimmed_weights("gemma-3-270m", settings), OPTIONS)
+    return EmbeddedModel(PROFILE, trimmed_gemma(settings.cache_folder), OPTIONS)
 
 
 def fresh_answer(settings, question):

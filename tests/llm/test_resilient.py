@@ -21,7 +21,7 @@ from app.llm.base import (
 )
 from app.llm.computed import ScriptedModel
 from app.llm.openai_compatible import OpenAiCompatibleModel
-from app.llm.resilient import Guard, ProviderLimits, ResilientModel, within_deadline
+from app.llm.resilient import Places, ProviderLimits, ResilientModel, within_deadline
 from app.llm.sse import Server
 from app.pipeline.prompt import Prompt
 from tests.llm.loopback import after, hang_up, in_turn, loopback, status, streamed, text
@@ -30,7 +30,7 @@ from tests.llm.texts import as_asked, asking
 pytestmark = pytest.mark.anyio
 
 PROMPT = Prompt("Be brief.", "a>1, ", "b>")
-LIMITS = ProviderLimits(concurrent=4, queued=4, retries=2, backoff_s=0.5, failures=5, pause_s=10.0)
+LIMITS = ProviderLimits(concurrent=4, queued=4, retries=2, backoff_s=0.5)
 OK = streamed(text("4"), text("2", "stop"), "[DONE]")
 
 
@@ -39,15 +39,11 @@ class Provider:
 
     Attributes:
         waits_s: its waits between tries, which take no time.
-        now_s: of the circuit's clock.
     """
 
     def __init__(self, model, limits=LIMITS):
         self.waits_s = []
-        self.now_s = 0.0
-        self.model = ResilientModel(
-            model, Guard("some", limits, lambda: self.now_s), sleep=self._sleep, jitter=random.Random(0).random
-        )
+        self.model = ResilientModel(model, Places("some", limits), sleep=self._sleep, jitter=random.Random(0).random)
 
     async def _sleep(self, wait_s):
         self.waits_s.append(wait_s)
@@ -190,38 +186,6 @@ async def test_a_slow_server_meets_the_deadline_and_is_left(slow):
         assert len(server.requests) == 1
 
 
-async def test_a_dead_provider_is_left_alone_until_the_pause_is_over():
-    async with provider_at(in_turn(*[status(500)] * 5, OK)) as (provider, server):
-        for _ in range(2):
-            with pytest.raises(ModelResponseError, match="HTTP 500"):
-                await provider.ask()
-        assert len(server.requests) == 5  # the circuit opened before the sixth try
-        with pytest.raises(ModelUnavailableError, match=r"some failed 5 times in a row .* another 10 s.*HTTP 500"):
-            await provider.ask()
-        assert len(server.requests) == 5
-        provider.now_s += 10
-        assert (await provider.ask()).text == "42"
-        assert (await provider.ask()).text == "42"
-
-
-@pytest.mark.parametrize("answer", [status(429), status(400)])
-async def test_a_provider_that_refuses_is_not_dead(answer):
-    async with provider_at(answer) as (provider, _):
-        for _ in range(6):
-            with pytest.raises((ModelBusyError, ModelResponseError)):
-                await provider.ask()
-
-
-@pytest.mark.parametrize(("patience_s", "opens"), [(0.05, True), (10.0, False)])
-async def test_silence_counts_if_the_provider_had_time_to_speak(monkeypatch, patience_s, opens):
-    monkeypatch.setattr(resilient, "PATIENCE_S", patience_s)
-
-    async with provider_at(after(30, OK), ProviderLimits(1, 0, failures=1, pause_s=10.0)) as (provider, _):
-        for error in (ModelTimeoutError, ModelUnavailableError if opens else ModelTimeoutError):
-            with pytest.raises(error):
-                await provider.ask(timeout_s=0.1)
-
-
 async def test_robots_at_once_take_turns_and_too_many_are_refused():
     most, now = 0, 0
 
@@ -239,6 +203,15 @@ async def test_robots_at_once_take_turns_and_too_many_are_refused():
         assert all(isinstance(outcome, ModelBusyError) and outcome.retry_after_s for outcome in outcomes[5:])
         assert (most, len(server.requests)) == (2, 5)
         assert (await provider.ask()).text == "42"
+
+
+async def test_a_cancelled_request_makes_room_in_the_queue():
+    async with provider_at(after(0.2, OK), ProviderLimits(concurrent=1, queued=1)) as (provider, _):
+        first, waiting = (asyncio.create_task(provider.ask()) for _ in range(2))
+        await asyncio.sleep(0)
+        waiting.cancel()
+        await asyncio.wait([waiting])
+        assert (await provider.ask()).text == (await first).text == "42"
 
 
 async def test_waiting_for_a_place_counts_against_the_deadline():

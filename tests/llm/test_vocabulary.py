@@ -12,7 +12,7 @@ from app.llm.computed import ScriptedModel
 from app.llm.llama import gguf
 from app.llm.llama.process import LlamaOptions, LlamaProcess
 from app.llm.llama.vocabulary import MATRIX, TrimmedModel, covers, kept_tokens
-from app.llm.llama.weights import find_trimmed_weights, find_weights
+from app.llm.llama.weights import GEMMA, find_weights, trimmed_gemma
 from app.pipeline.prompt import Prompt
 from tests.llm.texts import asking, object_frame_prompt
 
@@ -22,12 +22,12 @@ ROW_BYTES = 34
 
 @pytest.fixture(scope="module")
 def trimmed_path(settings):
-    return find_trimmed_weights("gemma-3-270m", settings)()
+    return trimmed_gemma(settings.cache_folder)()
 
 
 @pytest.fixture(scope="module")
 def whole_server(settings):
-    options = LlamaOptions(str(find_weights("gemma-3-270m", settings)()), slots=2, context_tokens=2048, threads=1)
+    options = LlamaOptions(str(find_weights(GEMMA, settings.cache_folder)()), slots=2, context_tokens=2048, threads=1)
     process = LlamaProcess(options)
     yield process.server
     process.stop()
@@ -90,15 +90,10 @@ def test_tokens_that_stay():
 
 
 def test_the_file_is_less_than_half_and_names_the_change_in_its_metadata(trimmed_path, settings):
-    assert trimmed_path.stat().st_size < find_weights("gemma-3-270m", settings)().stat().st_size / 2
+    assert trimmed_path.stat().st_size < find_weights(GEMMA, settings.cache_folder)().stat().st_size / 2
     description = gguf.read(trimmed_path.read_bytes()).values["general.description"]
     assert b"Modified by RoboPrompt" in description
     assert b"ai.google.dev/gemma/terms" in description
-
-
-def test_the_whole_model_is_asked_where_the_operator_wants_it(settings):
-    assert find_trimmed_weights("gemma-3-270m", settings.model_copy(update={"embedded_vocabulary": "whole"})) is None
-    assert find_trimmed_weights("smollm2-135m", settings) is None
 
 
 def pieces(server, text):

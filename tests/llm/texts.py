@@ -3,7 +3,7 @@
 import random
 
 from app.llm.base import CompletionRequest
-from app.llm.resilient import NO_LIMITS, Guard, ResilientModel
+from app.llm.resilient import NO_LIMITS, Places, ResilientModel
 from app.pipeline.prompt import Prompt
 
 GRAMMAR = """root ::= " 1 " ("red cube" | "blue cube") " w: " d " " d " " d " " r " " r " " r " " [01] "\n"
@@ -49,4 +49,4 @@ def asking(prompt, **options):
 
 def as_asked(model):
     """The model as requests reach it, within the one deadline."""
-    return ResilientModel(model, Guard("some", NO_LIMITS))
+    return ResilientModel(model, Places("some", NO_LIMITS))

@@ -5,17 +5,11 @@ turn meanwhile), and because llama.cpp ends its process when an assertion of its
 
 Standard input: one line of JSON, `LlamaOptions`; the server runs until the input's end, which comes with the parent's.
 Standard output: one line of JSON, `{"url": ...}`, as soon as requests are answered. Standard error: why it failed.
-
-What the slots have read is in files from the server's end to its next start: a large model reads a prompt for a minute.
 """
 
-import contextlib
-import hashlib
 import json
 import os
 import sys
-import urllib.request
-from pathlib import Path
 from typing import Any
 
 PROMPT_CACHE_MIB = 1024  # Gemma 3 270M: 18 kB a token, some fifty prompts of ten demonstrations
@@ -23,8 +17,6 @@ BATCH_TOKENS = 128  # 0.3 s on two cores; reading takes 2 % longer than with lla
 DRAFT_TOKENS = 16  # copied from the prompt and tried as a whole; of 48 too many are refused, and the first action waits
 # Read by llama.cpp. Its tiled product of K-quants takes batches of eight tokens and more, and rounds differently.
 ONE_ARITHMETIC = {"GGML_CPU_TILED_MM": "0"}
-KEEPING_S = 3.0  # for writing a slot to a file; the parent waits 5 s in all
-EMPTY_BYTES = 1024  # a slot that has read nothing is less
 
 
 def main() -> None:
@@ -34,15 +26,10 @@ def main() -> None:
     os.dup2(2, 1)  # whatever llama.cpp prints must not be taken for the answer
     os.environ.update(ONE_ARITHMETIC)
     server = _start(options)
-    slots = _Slots(options, str(server.listening_address)) if options["kept_folder"] else None
-    if slots:
-        slots.restore()
     answer.write(json.dumps({"url": str(server.listening_address)}) + "\n")
     answer.close()
     _silence()
     sys.stdin.read()
-    if slots:
-        slots.keep()
     os._exit(0)  # the operating system frees faster than destructors that wait for running requests
 
 
@@ -67,8 +54,6 @@ def _start(options: dict[str, Any]) -> Any:  # noqa: ANN401  xllamacpp has no ty
     params.speculative.types = [xllamacpp.common_speculative_type.COMMON_SPECULATIVE_TYPE_NGRAM_SIMPLE]
     params.speculative.ngram_simple.size_m = DRAFT_TOKENS
     _compute_each_token_alike(params, xllamacpp)
-    if options["kept_folder"]:
-        params.slot_save_path = f"{_folder(options)}/"
     params.verbosity = 1  # errors only
     params.ui = False
     return xllamacpp.Server(params)
@@ -89,64 +74,6 @@ def _compute_each_token_alike(params: Any, xllamacpp: Any) -> None:  # noqa: ANN
     # Sums of values of type F16 would be rounded to 16 bits. Those of type F32 take a third longer to decode: they are
     # fetched from memory again for every token.
     params.cache_type_v = xllamacpp.ggml_type.GGML_TYPE_BF16
-
-
-class _Slots:
-    """Keeps what the slots have read in files `COMPUTED-SLOT-DIGEST.bin` while no server runs; its start removes them.
-
-    COMPUTED stands for all that the numbers depend on: the weights, llama.cpp and this program. DIGEST is the file's
-    own: a damaged one would be taken for what the model read. What cannot be written or read is evaluated again.
-    """
-
-    def __init__(self, options: dict[str, Any], url: str) -> None:
-        self._folder = _folder(options)
-        self._url, self._key, self._number = url, options["api_key"], options["slots"]
-        self._computed = _computed_by(Path(options["model"]))
-
-    def keep(self) -> None:
-        written = self._folder / "unfinished.bin"
-        for slot in range(self._number):
-            with contextlib.suppress(OSError):
-                self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-                self._ask(slot, "save", written.name)
-                if written.stat().st_size > EMPTY_BYTES:
-                    written.replace(self._folder / f"{self._computed}-{slot}-{_digest(written)}.bin")
-
-    def restore(self) -> None:
-        for file in self._folder.glob("*.bin"):
-            with contextlib.suppress(OSError):
-                computed, slot, digest = f"{file.stem}--".split("-")[:3]
-                if (computed, digest) == (self._computed, _digest(file)):
-                    self._ask(slot, "restore", file.name)
-            with contextlib.suppress(OSError):
-                file.unlink()
-
-    def _ask(self, slot: int | str, action: str, filename: str) -> None:
-        request = urllib.request.Request(  # noqa: S310  llama.cpp's own address
-            f"{self._url}/slots/{slot}?action={action}",
-            json.dumps({"filename": filename}).encode(),
-            {"Authorization": f"Bearer {self._key}", "Content-Type": "application/json"},
-        )
-        proxied = urllib.request.ProxyHandler({})
-        with urllib.request.build_opener(proxied).open(request, timeout=KEEPING_S) as answer:
-            answer.read()
-
-
-def _folder(options: dict[str, Any]) -> Path:
-    return Path(options["kept_folder"]) / Path(options["model"]).stem
-
-
-def _computed_by(model: Path) -> str:
-    import xllamacpp
-
-    found = model.stat()
-    parts = (xllamacpp.__version__, found.st_size, found.st_mtime_ns, Path(__file__).read_text(encoding="utf-8"))
-    return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
-
-
-def _digest(file: Path) -> str:
-    with file.open("rb") as opened:
-        return hashlib.file_digest(opened, "sha256").hexdigest()
 
 
 def _silence() -> None:

@@ -1,34 +1,94 @@
 """A model on this machine: llama.cpp in a child process, asked through its OpenAI-compatible port.
 
-The text is continued raw, without a chat template: the small models it is meant for are base models, or behave better
-as such. Started by the first request or by `warm_up`.
+Started by the first request or by `warm_up`.
 """
 
 import asyncio
+import importlib.util
+import logging
 import math
+import re
 from collections import OrderedDict
-from collections.abc import AsyncIterator
-from contextlib import aclosing, asynccontextmanager
+from collections.abc import AsyncIterator, Iterator
+from contextlib import ExitStack, aclosing, asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import anyio
 
 from app.executors import usable_cores
-from app.llm.base import CompletionRequest, LanguageModelError, ModelProfile, ModelUnavailableError, Pieces
-from app.llm.llama.process import LlamaOptions, LlamaProcess, SharedLlama
-from app.llm.llama.weights import Weights
+from app.llm.base import (
+    QUICK_S,
+    CompletionRequest,
+    LanguageModel,
+    LanguageModelError,
+    ModelProfile,
+    ModelUnavailableError,
+    Pieces,
+)
+from app.llm.llama.process import GivenLlama, LlamaOptions, LlamaProcess, given_to_children, launch
+from app.llm.llama.vocabulary import TrimmedModel
+from app.llm.llama.weights import GEMMA, Weights, find_weights, trimmed_gemma
 from app.llm.llm_settings import LlmSettings
 from app.llm.openai_compatible import OWN_LLAMA_CPP, OpenAiCompatibleModel
 
 DYING_S = 1.0  # frees some hundred MB
 # Reading ten demonstrations takes as long on two cores; another slot that knows them hardly speeds replies up there.
 PATIENCE_S = 5.0
+logger = logging.getLogger(__name__)
+
+
+# Files of models that were trained to follow instructions, as publishers name them; base models continue rows.
+INSTRUCTED = re.compile(r"[-_.](instruct|it|chat)[-_.]", re.IGNORECASE)
+# Twice what two busy cores took with a model of 1.5 B parameters: for a reply, and for 1,000 characters of a prompt.
+SLOW_S, SLOW_READING_S = 120.0, 75.0
+
+
+def embedded_model(model: str, settings: LlmSettings) -> LanguageModel:
+    """Gemma, or the GGUF file of that path; starts nothing. Raises UnknownModelError, ModelUnavailableError."""
+    weights = find_weights(model, settings.cache_folder)
+    if importlib.util.find_spec("xllamacpp") is None:
+        raise ModelUnavailableError("embedded models need llama.cpp: pip install xllamacpp")
+    whole = EmbeddedModel(embedded_profile(model), weights, settings)
+    if model != GEMMA:
+        return whole
+    return TrimmedModel(EmbeddedModel(whole.profile, trimmed_gemma(settings.cache_folder), settings), whole)
+
+
+def embedded_profile(model: str) -> ModelProfile:
+    """How the model of that name or path is asked best (docs/results/llm.md)."""
+    chat = bool(INSTRUCTED.search(Path(model).name))
+    return ModelProfile(
+        name=f"embedded/{model}",
+        style="chat" if chat else "completion",
+        grammar=True,
+        representation="object_frame",
+        prompt_format="sums" if chat else "paper",  # of absolute rows
+        system_prompt="a" if chat else "none",
+        description=f"{'Gemma 3 270M base, Q4_K_M' if model == GEMMA else 'A GGUF file'}, on this machine",
+        timeout_s=SLOW_S if chat else QUICK_S,
+        reading_s=SLOW_READING_S if chat else 0.0,
+    )
+
+
+@contextmanager
+def shared_by_workers(settings: LlmSettings) -> Iterator[None]:
+    """Run the default model, if it is embedded, for the worker processes that are started inside the block."""
+    backend, _, model = settings.default_model.partition("/")
+    with ExitStack() as stack:
+        if backend == "embedded":
+            try:
+                weights = (trimmed_gemma if model == GEMMA else partial(find_weights, model))(settings.cache_folder)
+                stack.enter_context(given_to_children(llama_options(weights(), settings)))
+            except LanguageModelError as error:  # requests get it as their answer
+                logger.warning("the default model is not available: %s", error)
+        yield
 
 
 @dataclass(frozen=True)
 class _Running:
-    process: LlamaProcess | SharedLlama
+    process: LlamaProcess | GivenLlama
     client: OpenAiCompatibleModel
 
 
@@ -76,21 +136,15 @@ class EmbeddedModel:
     async def _started(self, ended: asyncio.Task[_Running] | None) -> _Running:
         if ended:
             await _stop(ended)
-        path = await asyncio.to_thread(self._weights)
-        options = LlamaOptions(
-            model=str(path),
-            slots=self._settings.embedded_slots,
-            context_tokens=self._settings.embedded_context_tokens,
-            threads=self._settings.embedded_threads or usable_cores(),
-            kept_folder=str(self._settings.embedded_kept_folder or ""),
-        )
-        process = await asyncio.to_thread(_launch, options, self._settings.embedded_shared_folder)
+        process = await asyncio.to_thread(lambda: launch(llama_options(self._weights(), self._settings)))
         client = OpenAiCompatibleModel(self.profile, process.server, self.profile.name, OWN_LLAMA_CPP)
         return _Running(process, client)
 
 
-def _launch(options: LlamaOptions, shared_folder: Path | None) -> LlamaProcess | SharedLlama:
-    return SharedLlama(options, shared_folder) if shared_folder else LlamaProcess(options)
+def llama_options(model: Path, settings: LlmSettings) -> LlamaOptions:
+    """How a GGUF file is served; its key is new."""
+    slots, threads = settings.embedded_slots, settings.embedded_threads or usable_cores()
+    return LlamaOptions(str(model), slots, settings.embedded_context_tokens, threads)
 
 
 def _has_ended(start: asyncio.Task[_Running]) -> bool:

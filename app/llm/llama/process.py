@@ -1,13 +1,10 @@
 """llama.cpp's HTTP server in a child process: how it starts and stops, and why it failed.
 
-All processes that use a model on this machine, such as several uvicorn workers, share one. The first that needs
-the model starts it and writes its address and key to a file that only this user can read; the others read it. When its
-owner ends, llama.cpp ends, too; the next one that needs it starts it again.
+The workers of `serve --workers` share one, which the process that starts them runs for the default model; its address
+and key are in their environment. A worker that finds it ended starts one of its own.
 """
 
 import contextlib
-import fcntl
-import hashlib
 import json
 import os
 import secrets
@@ -17,9 +14,8 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TextIO
 
 import httpx
 
@@ -28,6 +24,7 @@ from app.llm.llama import child
 from app.llm.sse import Server
 
 STOP_TIMEOUT_S = 5.0
+GIVEN = "ROBOPROMPT_LLAMA"  # in the environment of workers: the address, key and options of the parent's server
 # OpenMP's threads wait for each other by spinning, by default so long that on a busy machine decoding drops from 70 to
 # 3 tokens/s. Spinning this briefly costs nothing on an idle machine (70 tokens/s) and keeps 20 on a busy one.
 SPIN_COUNT = {"GOMP_SPINCOUNT": "1000"}
@@ -43,7 +40,6 @@ class LlamaOptions:
         model: path of the GGUF file.
         slots: requests answered at once.
         context_tokens: longest prompt plus reply of a slot.
-        kept_folder: where what the slots have read is kept from the end to the next start; empty: nowhere.
         api_key: what a request must carry: other users of the machine reach a loopback port as well.
     """
 
@@ -51,7 +47,6 @@ class LlamaOptions:
     slots: int
     context_tokens: int
     threads: int
-    kept_folder: str = ""
     api_key: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)
 
 
@@ -132,81 +127,57 @@ def _last_line(text: str) -> str:
     return lines[-1].strip() if lines else "it ended without a message"
 
 
-class SharedLlama:
-    """A LlamaProcess of this process or of another; the same methods. Blocking: use a thread.
+class GivenLlama:
+    """The server of a parent process (see `given_to_children`); the same methods. Blocking: use a thread."""
 
-    Args:
-        folder: where the processes leave notes for each other; created if it is not there.
-
-    Attributes:
-        server: its OpenAI-compatible API.
-
-    Raises:
-        ModelUnavailableError: as LlamaProcess, or if the folder cannot be written.
-    """
-
-    def __init__(self, options: LlamaOptions, folder: Path) -> None:
-        self._process: LlamaProcess | None = None
-        self._gone = False
-        with _locked_note(folder / f"llama-{_name(options)}.json") as note:
-            found = _server_in(note.read())
-            if found is None or not _answers(found):
-                self._process = LlamaProcess(options)
-                found = self._process.server
-                note.seek(0)
-                note.truncate()
-                json.dump({"url": found.base_url, "api_key": found.key}, note)
-        self.server = found
-
-    @property
-    def running(self) -> bool:
-        """Whether it runs; if another process started it, whether `ends_within` has not found it ended."""
-        return self._process.running if self._process else not self._gone
+    def __init__(self, server: Server) -> None:
+        self.server = server
+        self.running = True
 
     def ends_within(self, timeout_s: float) -> bool:
         """Whether it ends by itself; waits for it."""
-        if self._process:
-            return self._process.ends_within(timeout_s)
         deadline = time.monotonic() + timeout_s
-        while not self._gone and time.monotonic() < deadline:
-            self._gone = not _answers(self.server)
+        while self.running and time.monotonic() < deadline:
+            self.running = _answers(self.server)
             time.sleep(POLL_S)
-        return self._gone
+        return not self.running
 
     def stop(self) -> None:
-        """End it if it is this process's; otherwise do nothing."""
-        if self._process:
-            self._process.stop()
-
-
-def _name(options: LlamaOptions) -> str:
-    """The same for equal options, whatever the key."""
-    return hashlib.sha256(json.dumps(asdict(replace(options, api_key=""))).encode()).hexdigest()[:16]
+        """Nothing: it is the parent's."""
 
 
 @contextmanager
-def _locked_note(path: Path) -> Iterator[TextIO]:
-    """Open a file that only this user can read; one process at a time has it."""
+def given_to_children(options: LlamaOptions) -> Iterator[None]:
+    """Run a server that processes started meanwhile share, by `launch` with equal options but for the key.
+
+    Raises:
+        ModelUnavailableError: as LlamaProcess.
+    """
+    process = LlamaProcess(options)
+    os.environ[GIVEN] = json.dumps({"options": _named(options), "url": process.server.base_url, "key": options.api_key})
     try:
-        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o600), "r+")
-    except OSError as error:
-        raise ModelUnavailableError(f"workers cannot share a model: {error}") from error
-    with file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield file
+        yield
+    finally:
+        del os.environ[GIVEN]
+        process.stop()
 
 
-def _server_in(note: str) -> Server | None:
-    try:
-        found = json.loads(note)
-        return Server(found["url"], found["api_key"], trust_env=False)
-    except (ValueError, KeyError, TypeError):
-        return None
+def launch(options: LlamaOptions) -> LlamaProcess | GivenLlama:
+    """The parent's server of these options while it answers, else one of this process. Raises as LlamaProcess."""
+    given = json.loads(os.environ.get(GIVEN, "{}"))
+    if given and given["options"] == _named(options):
+        server = Server(given["url"], given["key"], trust_env=False)
+        if _answers(server):
+            return GivenLlama(server)
+    return LlamaProcess(options)
+
+
+def _named(options: LlamaOptions) -> list[object]:
+    """The same for equal options, whatever the key."""
+    return [options.model, options.slots, options.context_tokens, options.threads]
 
 
 def _answers(server: Server) -> bool:
-    """Whether llama.cpp answers there and knows the key: another program may have the port by now."""
     headers = {"Authorization": f"Bearer {server.key}"}
     try:
         url = f"{server.base_url}/models"
