@@ -180,8 +180,8 @@ def test_a_refused_connection_is_tried_again_and_then_named():
 )
 async def test_a_slow_server_meets_the_deadline_and_is_left(slow):
     async with provider_at(slow) as (provider, server):
-        with pytest.raises(ModelTimeoutError, match=r"within 0\.2 s"):
-            await provider.ask(timeout_s=0.2)
+        with pytest.raises(ModelTimeoutError, match=r"within 1 s"):
+            await provider.ask(timeout_s=1.0)
         await asyncio.wait_for(server.gone.wait(), 2)
         assert len(server.requests) == 1
 
