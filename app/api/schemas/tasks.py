@@ -1,6 +1,6 @@
 """Answers about tasks: settings and their changes, statistics."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import BaseModel, Field
 
@@ -17,13 +17,6 @@ class TaskOut(TaskSettings):
     note: Annotated[
         str, Field(description="which episodes the settings do not apply to; empty if all, and in lists")
     ] = ""
-
-
-class SettingChange(BaseModel):
-    """The values of a setting before and after a change; of an object the members that differ."""
-
-    before: Any
-    after: Any
 
 
 class TaskList(BaseModel):
