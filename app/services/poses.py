@@ -11,7 +11,7 @@ from typing import Any, Literal
 import cv2
 import httpx
 
-from app.perception.base import ObjectQuery
+from app.perception.base import GivenPoses, ObjectQuery
 from app.perception.models import RemoteModel, model_from_json
 from app.perception.object_model import ObjectModelError
 from app.perception.overlay import draw_overlay
@@ -19,6 +19,7 @@ from app.perception.registered.estimator import TaughtQuery
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.template import Template
 from app.perception.registry import estimate_poses
+from app.pipeline.findings.frames import GIVEN, Compared
 from app.pipeline.names import check_object_names
 from app.services.cache import Cache
 from app.services.images import read_frame, stored_image
@@ -60,6 +61,25 @@ def poses_of(
     """The poses of a task's objects; raises as `with_template` and `estimate_poses`."""
     queries = [with_template(query, blobs) for query in with_models(objects, settings)]
     return tuple(estimate_poses(settings.pose_estimator, queries, frames, given_first=given_first))
+
+
+def compared(given: Iterable[ObjectQuery], found: Iterable[ObjectPose], settings: TaskSettings) -> tuple[Compared, ...]:
+    """The objects that came with a pose, and were found in images as well."""
+    said = {query.name: query for query in given if query.position_m is not None}
+    return tuple(
+        Compared(GivenPoses().estimate([said[pose.name]], ())[0], pose, _turn_deg(pose.name, settings))
+        for pose in found
+        if pose.name in said and pose.estimator != GIVEN
+    )
+
+
+def _turn_deg(name: str, settings: TaskSettings) -> float | None:
+    """About its z axis that leaves the object unchanged, as the task or its model says: 0 any, None none."""
+    if name in settings.yaw_symmetry_deg:
+        return settings.yaw_symmetry_deg[name]
+    model = settings.object_models.get(name)
+    turn_deg: float | None = getattr(model and model_from_json(name, model), "yaw_symmetry_deg", None)
+    return turn_deg
 
 
 def with_template(query: ObjectQuery, blobs: BlobStore) -> ObjectQuery:

@@ -9,7 +9,7 @@ from sqlalchemy.dialects.postgresql import insert as postgresql_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
 from app.store import tables
-from app.store.errors import ConflictError, NotFoundError
+from app.store.errors import NotFoundError
 from app.store.records import TaskCounts, TaskRecord
 from app.store.values import JsonObject
 
@@ -88,15 +88,6 @@ def change(connection: Connection, name: str, values: Mapping[str, Any]) -> None
 def rewrite(connection: Connection, name: str) -> None:
     """Write the task's row as it is: fails where nothing can be written."""
     connection.execute(update(_TASKS).where(_TASKS.c.name == name).values(name=_TASKS.c.name))
-
-
-def require_version(connection: Connection, name: str, version: int) -> None:
-    """Make sure that nothing changed since the caller read the task, and that nothing changes until the commit.
-
-    Raises ConflictError, NotFoundError.
-    """
-    if (current := lock(connection, name).version) != version:
-        raise ConflictError(f"task {name!r} is at version {current}, no longer {version}: read it again and repeat")
 
 
 def num_episodes(connection: Connection) -> dict[str, int]:

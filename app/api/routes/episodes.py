@@ -22,7 +22,7 @@ from app.pipeline.episode import Episode
 from app.services.container import Services
 from app.services.extract import read_episode, read_episodes
 from app.services.images import stored_image
-from app.services.teach.edit import edit_episode, remove_episode
+from app.services.teach.edit import edit_episode
 from app.services.teach.upload_checks import Upload
 from app.store import episodes, tasks, trajectories
 from app.store.store import Store
@@ -162,7 +162,8 @@ def _edited(store: Store, episode_id: str, changes: JsonObject) -> JsonObject:
 @router.delete("/episodes/{episode_id}", status_code=204, responses=problems(_404="no such episode"))
 def delete_episode(services: Wired, episode_id: str) -> Response:
     """Delete an episode; its images go with the next sweep."""
-    task = remove_episode(services.store, episode_id)
+    with services.store.write() as connection:
+        task = episodes.remove(connection, episode_id)
     services.prefix_warmer.changed(task)
     return Response(status_code=204)
 

@@ -20,8 +20,8 @@ from app.pipeline.plans.recording import Recording, alike_turned
 from app.pipeline.plans.symmetry import Symmetries, folded, shown_symmetries
 from app.pipeline.plans.tries import without_tries
 from app.services.cache import Cache
-from app.services.compared import compared
 from app.services.errors import NoDemonstrationsError
+from app.services.poses import compared
 from app.services.predict.request import PredictOptions
 from app.services.predict.scenes import Ids, Scenes, in_all
 from app.services.task_settings import TaskSettings

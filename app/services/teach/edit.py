@@ -1,4 +1,4 @@
-"""Correct or delete an episode."""
+"""Correct an episode."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -37,19 +37,6 @@ def edit_episode(store: Store, episode_id: str, changes: Mapping[str, Any]) -> E
     with store.write() as connection:
         episodes.edit(connection, record, changes)
         return episodes.get(connection, record.id)
-
-
-def remove_episode(store: Store, episode_id: str) -> str:
-    """Delete the episode; its images go with the next sweep.
-
-    Returns:
-        The task.
-
-    Raises:
-        NotFoundError: if there is no such episode.
-    """
-    with store.write() as connection:
-        return episodes.remove(connection, episode_id)
 
 
 def _check_objects(instruction: str, record: EpisodeRecord, settings: TaskSettings, taught: tuple[str, ...]) -> None:

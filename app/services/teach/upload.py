@@ -5,10 +5,9 @@ from dataclasses import asdict, replace
 from sqlalchemy import Connection
 
 from app.pipeline.findings.recording import upload_findings
-from app.services.compared import compared
 from app.services.extract import keyframes_of, objects_of
 from app.services.images import put_images
-from app.services.poses import PoseServers
+from app.services.poses import PoseServers, compared
 from app.services.teach.upload_checks import CheckedUpload, StoredTask, Upload, checked_upload
 from app.store import episodes, predictions, tasks
 from app.store.errors import ConflictError, NotFoundError
