@@ -14,7 +14,6 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 MAX_REPLY_CHARS = 100_000
 ROUNDING = 1e-9  # far below one unit of any representation
-SAME_WAY_M = 0.04  # replies whose actions differ by less go one way; demonstrations that do are one plan, too
 
 
 class ReplyReader:

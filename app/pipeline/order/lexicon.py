@@ -76,10 +76,8 @@ class Lexicon:
         return "the" in texts or all(self._listed(text) or text in VERB_FORMS for text in texts)
 
     def nearest(self, unknown: str) -> str | None:
-        """Return the known word that is spelled most like an unknown one; None if none is similar."""
-        groups: tuple[Iterable[str], ...] = ({*self.objects_of, *self._taught}, verbs.FIRST_WORDS)
-        near = (known for group in groups for known in get_close_matches(unknown, sorted(group), 1))
-        return next(near, None)
+        """Return the word of names, aliases and taught instructions that is spelled most like it; None without one."""
+        return next(iter(get_close_matches(unknown, sorted({*self.objects_of, *self._taught}), 1)), None)
 
     def kind_of(self, noun: str) -> frozenset[str]:
         """Return the objects that a synonym of their noun may name: "block" for `red cube`."""

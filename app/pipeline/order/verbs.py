@@ -78,13 +78,6 @@ IRREGULAR = {
     "took": "take", "taken": "take", "gotten": "get", "laid": "lay", "hung": "hang", "swept": "sweep",
     "brought": "bring", "gave": "give", "given": "give", "slid": "slide", "threw": "throw", "thrown": "throw",
 }  # fmt: skip
-# Verbs without and with a destination: "press the button next to the plate" says which, "put the bowl next to the
-# plate" where to. "Push" and "take" may have one.
-STAYING = frozenset({
-    "pick", "pick up", "grasp", "grab", "grip", "press", "tap", "hit", "click", "poke", "touch", "open", "close",
-    "shut",
-})  # fmt: skip
-GOING = frozenset({"put", "put down", "place", "set", "set down", "lay", "lay down", "position", "stack", "insert"})
 CONTAINING = frozenset({"open", "open up", "close", "shut"})  # "put the mug in the drawer and close it": the drawer
 TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does not say that B stands on C
 # First words of verbs, by what recorded hands do
