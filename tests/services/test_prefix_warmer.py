@@ -3,7 +3,6 @@
 import asyncio
 from contextlib import asynccontextmanager, suppress
 
-import anyio
 import pytest
 
 from app.llm.base import Completion, ModelProfile
@@ -140,35 +139,6 @@ def test_nothing_is_read_ahead_between_predictions_in_quick_succession(store):
                 await asyncio.sleep(0.2)
                 assert model.begun == []
             await until(lambda: model.finished)
-
-    asyncio.run(scenario())
-
-
-def test_a_second_prediction_does_not_interrupt_the_cleanup(store):
-    upload(store, episode_draft(seed=0, task="first"))
-
-    class TidyModel(SlowModel):
-        tidy = False
-
-        async def stream(self, request):
-            self.begun.append(request.prompt.prefix)
-            try:
-                await asyncio.sleep(10)
-                yield Completion("")
-            finally:
-                with anyio.CancelScope(shield=True):  # as httpx closes a connection
-                    await asyncio.sleep(0.1)
-                    self.tidy = True
-
-    async def scenario():
-        model = TidyModel()
-        async with running(store, model) as warmer:
-            await until(lambda: model.begun)
-            with warmer.giving_way():
-                await asyncio.sleep(0.02)
-                with warmer.giving_way():
-                    await asyncio.sleep(0.3)
-            assert model.tidy
 
     asyncio.run(scenario())
 

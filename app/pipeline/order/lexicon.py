@@ -200,6 +200,5 @@ class Text:
         """
         self.steps += 1
         if self.steps > MAX_STEPS:
-            raise TooInvolvedError(
-                "instruction", "is too involved: it can be read in too many ways", "fewer things at once"
-            )
+            message = f"{self.instruction!r} is too involved: it can be read in too many ways"
+            raise TooInvolvedError("instruction", message, "fewer things at once")

@@ -4,12 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings.actions import ActionDoubt, action_findings, passing_findings
-from app.pipeline.findings.demonstrated_scenes import ShownScenes, distances_m
+from app.pipeline.findings.demonstrated_scenes import ShownScenes
 
 from ..scenes import action, demonstration, pose
 
@@ -96,38 +94,5 @@ def test_demonstrations_that_pass_as_close_say_that_it_does_no_harm():
     assert found((0.2, 0.02, 0.8), shown=close) == []
 
 
-@pytest.mark.parametrize("number", [0, 2])
-def test_few_demonstrations_say_nothing_of_what_is_near(number):
-    assert found((0.2, 0.0, 0.8), shown=ShownScenes(SHOWN.demonstrations[:number])) == []
-
-
-def test_demonstrations_without_actions_keep_no_distance():
-    still = demonstration(INSTRUCTION, SHOWN.demonstrations[0].objects, [])
-    assert found((0.2, 0.0, 0.8), shown=ShownScenes((still, still, still))) == []
-    (finding,) = found((0.2, 0.0, 0.8), shown=ShownScenes((still, *SHOWN.demonstrations)))
-    assert finding.numbers["demonstrated_m"] == pytest.approx(0.15)
-
-
-def test_an_object_is_held_against_what_had_its_place_in_the_instruction():
-    """The vase is carried for the first time: the hand goes to it as it went to the cup."""
-    names = ("vase", "plate", "cup")
-    assert found(ASIDE_M, instruction="put the vase on the plate", names=names) == []
-    (finding,) = found((0.2, 0.0, 0.8), names=("cup", "plate", "vase"))
-    assert "'vase'" in finding.message
-
-
 def test_an_object_that_no_demonstration_has_is_not_judged():
     assert found((0.2, 0.0, 0.8), names=("cup", "plate", "lamp")) == []
-
-
-@settings(max_examples=30)
-@given(seed=st.integers(0, 10_000), number=st.integers(1, 6))
-def test_distances_are_those_of_the_nearest_of_many_points(seed, number):
-    random = np.random.default_rng(seed)
-    way_m, place_m = random.uniform(-0.5, 0.5, (number, 3)), random.uniform(-0.5, 0.5, 3)
-    before_m = np.concatenate([way_m[:1], way_m[:-1]])
-    share = np.linspace(0, 1, 2001)[:, None]
-    many_m = before_m[:, None] + share * (way_m - before_m)[:, None]
-    np.testing.assert_allclose(
-        distances_m(way_m, place_m), np.linalg.norm(many_m - place_m, axis=2).min(axis=1), atol=1e-4
-    )

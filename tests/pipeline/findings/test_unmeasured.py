@@ -37,18 +37,6 @@ def test_rotations_that_only_some_have_are_a_danger(unturned, expected):
     assert severities(pressed(unturned)) == expected
 
 
-def test_few_of_many_are_a_warning():
-    assert severities(pressed(2, number=20)) == ["warning"]
-
-
-def test_programs_place_objects_at_exact_angles():
-    assert severities(pressed(5, yaws_deg=[0, 90, -45, 30, 0, 90, 0, 45, 60, -90])) == []
-
-
-def test_small_rotations_do_not_matter():
-    assert severities(pressed(5, yaws_deg=list(np.linspace(-9.7, 9.7, 10)))) == []
-
-
 def test_people_type_poses():
     assert severities(pressed(5, position_digits=3)) == []
 
