@@ -53,7 +53,7 @@ def test_of_what_was_taught_and_takes_too_many_steps_only_the_very_words_are_und
     long = "push " + "the red button and " * 28 + "the blue button"
     words = taught(BUTTONS, [long, *PUSH])
     assert read(long, words).text == long
-    with pytest.raises(UngroundedInstructionError, match="'push the red button and .* is too involved"):
+    with pytest.raises(UngroundedInstructionError, match=r"'push the red button and .* is too involved"):
         read("press the blue one", words)
 
 
