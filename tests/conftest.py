@@ -3,10 +3,12 @@ import signal
 from tempfile import NamedTemporaryFile
 
 import certifi
+import pytest
 from hypothesis import settings
 
 import app.sim  # noqa: F401  it chooses MuJoCo's OpenGL, before a test imports MuJoCo
 
+NO_BROWSER = "there is no Chromium"
 pytest_plugins = ["tests.postgres", "tests.s3", "tests.stores"]
 
 # The same examples on every run; a slow machine is no failure.
@@ -38,3 +40,15 @@ def pytest_configure():
     For a handler of one's own `asyncio.run` puts none of its own in place, whose removal writes the result as text.
     """
     signal.signal(signal.SIGINT, interrupt)
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_sessionfinish(session):
+    """Say after the summary how many tests a browser would have been needed for."""
+    result = yield
+    if (terminal := session.config.pluginmanager.get_plugin("terminalreporter")) is not None:
+        number = sum(NO_BROWSER in str(report.longrepr) for report in terminal.stats.get("skipped", ()))
+        if number:
+            install = "apt-get install chromium, or playwright install chromium-headless-shell"
+            terminal.write_line(f"{number} browser tests were not run: {install}", yellow=True)
+    return result
