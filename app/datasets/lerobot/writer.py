@@ -1,7 +1,7 @@
 """Writes a LeRobot dataset, version 3.0, that the package `lerobot` loads.
 
 Policies train on `observation.state` and `action` (the next frame's state); the other columns have the exact
-trajectory. The first frame's images are in meta/roboprompt as they were uploaded.
+trajectory. Objects, calibrated cameras and the first frame's images are in files beside them (`reader.SCENES`).
 """
 
 import json
@@ -13,17 +13,16 @@ import numpy as np
 
 from app.datasets.bounds import DatasetError, in_one_step
 from app.datasets.lerobot import reader
-from app.datasets.lerobot.files import VERSION, write_scene
 from app.datasets.lerobot.tables import require_arrow
-from app.datasets.parcel import Parcel
+from app.datasets.parcel import Parcel, canonical_json
 from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.types.trajectory import Trajectory
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}  # lerobot/datasets/compute_stats.py
-_INDEX = "__index_level_0__"
 RATE_TOLERANCE = 0.02  # of a measured rate; the column of times has the exact ones
-Columns = dict[str, np.ndarray[Any, Any]]
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+Columns = dict[str, np.ndarray[Any, Any]]
+_INDEX = "__index_level_0__"
 _STATE = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "gripper_open"]
 _NAMES = {
     "observation.state": _STATE,
@@ -31,79 +30,6 @@ _NAMES = {
     reader.POSITIONS: ["x_m", "y_m", "z_m"],
     reader.QUATERNIONS: ["qx", "qy", "qz", "qw"],
 }
-
-
-def statistics(columns: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, dict[str, list[float]]]:
-    """Return min, max, mean, std, count and quantiles of each column (T,) or (T, k), as lists of k numbers."""
-    return {name: _of(column.reshape(len(column), -1)) for name, column in columns.items()}
-
-
-def _of(column: np.ndarray[Any, Any]) -> dict[str, list[float]]:
-    quantiles = np.quantile(column, list(QUANTILES.values()), axis=0)
-    return {
-        "min": column.min(axis=0).tolist(),
-        "max": column.max(axis=0).tolist(),
-        "mean": column.mean(axis=0, dtype=np.float64).tolist(),
-        "std": column.std(axis=0, dtype=np.float64).tolist(),
-        "count": [len(column)],
-        **{name: row.tolist() for name, row in zip(QUANTILES, quantiles, strict=True)},
-    }
-
-
-def write_data(path: Path, episodes: Sequence[Columns]) -> None:
-    """Write the frames of all episodes into one file, with a row group for each episode."""
-    arrow, parquet = require_arrow()
-    path.parent.mkdir(parents=True)
-    tables = [arrow.table({name: _column(arrow, values) for name, values in columns.items()}) for columns in episodes]
-    with parquet.ParquetWriter(path, tables[0].schema) as writer:
-        for table in tables:
-            writer.write_table(table)
-
-
-def write_tasks(path: Path, tasks: Sequence[str]) -> None:
-    """Write the instructions with their numbers; the instruction is the index of pandas' data frame."""
-    arrow, parquet = require_arrow()
-    table = arrow.table({"task_index": np.arange(len(tasks)), _INDEX: list(tasks)})
-    columns = (("task_index", "task_index", "int64", "int64"), (None, _INDEX, "unicode", "object"))
-    names = ("name", "field_name", "pandas_type", "numpy_type")
-    described = [{**dict(zip(names, column, strict=True)), "metadata": None} for column in columns]
-    metadata = {"pandas": json.dumps({"index_columns": [_INDEX], "column_indexes": [], "columns": described})}
-    parquet.write_table(table.replace_schema_metadata(metadata), path)
-
-
-def write_episodes(
-    path: Path,
-    episodes: Sequence[Columns],
-    instructions: Sequence[str],
-    stats: Sequence[Mapping[str, Any]],
-) -> None:
-    """Write the location of each episode's rows, and its statistics."""
-    arrow, parquet = require_arrow()
-    path.parent.mkdir(parents=True)
-    rows = []
-    for index, (columns, instruction, of_columns) in enumerate(zip(episodes, instructions, stats, strict=True)):
-        first = int(columns["index"][0])
-        rows.append(
-            {
-                "episode_index": index,
-                "tasks": [instruction],
-                "length": len(columns["index"]),
-                "data/chunk_index": 0,
-                "data/file_index": 0,
-                "dataset_from_index": first,
-                "dataset_to_index": first + len(columns["index"]),
-                **{f"stats/{name}/{kind}": v for name, item in of_columns.items() for kind, v in item.items()},
-                "meta/episodes/chunk_index": 0,
-                "meta/episodes/file_index": 0,
-            }
-        )
-    parquet.write_table(arrow.Table.from_pylist(rows), path)
-
-
-def _column(arrow: Any, values: np.ndarray[Any, Any]) -> Any:  # noqa: ANN401
-    if values.ndim == 1:
-        return arrow.array(values)
-    return arrow.FixedSizeListArray.from_arrays(arrow.array(values.ravel()), values.shape[1])
 
 
 def write_lerobot(target: Path, parcels: Iterable[Parcel]) -> int:
@@ -115,21 +41,29 @@ def write_lerobot(target: Path, parcels: Iterable[Parcel]) -> int:
     with in_one_step(target) as root:
         trajectories, instructions, rates_hz = [], [], []
         for index, parcel in enumerate(parcels):
-            write_scene(root, index, parcel)
+            _write_scene(root / reader.SCENES.format(index), parcel)
             trajectories.append(trajectory_from_npz(parcel.files["trajectory"]))
             instructions.append(str(parcel.metadata["instruction"]))
             rates_hz.append(float(parcel.metadata["control_frequency_hz"]))
         fps = _common_rate(rates_hz)
         tasks = list(dict.fromkeys(instructions))
         episodes = _numbered(trajectories, [tasks.index(text) for text in instructions], fps)
-        write_data(root / DATA_PATH.format(chunk_index=0, file_index=0), episodes)
-        write_tasks(root / "meta/tasks.parquet", tasks)
-        stats = [statistics(columns) for columns in episodes]
-        write_episodes(root / "meta/episodes/chunk-000/file-000.parquet", episodes, instructions, stats)
+        _write_data(root / DATA_PATH.format(chunk_index=0, file_index=0), episodes)
+        _write_tasks(root / "meta/tasks.parquet", tasks)
+        _write_episodes(root / "meta/episodes/chunk-000/file-000.parquet", episodes, instructions)
         whole = {name: np.concatenate([columns[name] for columns in episodes]) for name in episodes[0]}
-        _write_json(root / "meta/stats.json", statistics(whole))
-        _write_json(root / "meta/info.json", _info(episodes, tasks, fps))
+        documents = {"stats": _statistics(whole), "info": _info(episodes, tasks, fps)}
+        for name, document in documents.items():
+            (root / f"meta/{name}.json").write_text(json.dumps(document, indent=4))
     return len(trajectories)
+
+
+def _write_scene(folder: Path, parcel: Parcel) -> None:
+    folder.mkdir(parents=True)
+    (folder / reader.METADATA).write_bytes(canonical_json(parcel.metadata))
+    for name, data in parcel.files.items():
+        if name != "trajectory":
+            (folder / name).write_bytes(data)
 
 
 def _common_rate(rates_hz: list[float]) -> int:
@@ -191,13 +125,76 @@ def _flat(tracks: np.ndarray[Any, Any] | None) -> np.ndarray[Any, Any] | None:
     return None if tracks is None else tracks.reshape(len(tracks), -1)
 
 
+def _write_data(path: Path, episodes: Sequence[Columns]) -> None:
+    """Write the frames of all episodes into one file, with a row group for each episode."""
+    arrow, parquet = require_arrow()
+
+    def column(values: np.ndarray[Any, Any]) -> Any:  # noqa: ANN401
+        flat = arrow.array(values.ravel())
+        return flat if values.ndim == 1 else arrow.FixedSizeListArray.from_arrays(flat, values.shape[1])
+
+    path.parent.mkdir(parents=True)
+    tables = [arrow.table({name: column(values) for name, values in columns.items()}) for columns in episodes]
+    with parquet.ParquetWriter(path, tables[0].schema) as writer:
+        for table in tables:
+            writer.write_table(table)
+
+
+def _write_tasks(path: Path, tasks: Sequence[str]) -> None:
+    """Write the instructions with their numbers; the instruction is the index of pandas' data frame."""
+    arrow, parquet = require_arrow()
+    table = arrow.table({"task_index": np.arange(len(tasks)), _INDEX: list(tasks)})
+    columns = (("task_index", "task_index", "int64", "int64"), (None, _INDEX, "unicode", "object"))
+    names = ("name", "field_name", "pandas_type", "numpy_type")
+    described = [{**dict(zip(names, column, strict=True)), "metadata": None} for column in columns]
+    metadata = {"pandas": json.dumps({"index_columns": [_INDEX], "column_indexes": [], "columns": described})}
+    parquet.write_table(table.replace_schema_metadata(metadata), path)
+
+
+def _write_episodes(path: Path, episodes: Sequence[Columns], instructions: Sequence[str]) -> None:
+    """Write the location of each episode's rows, and its statistics."""
+    arrow, parquet = require_arrow()
+    path.parent.mkdir(parents=True)
+    zeros = ("data/chunk_index", "data/file_index", "meta/episodes/chunk_index", "meta/episodes/file_index")
+    rows = [
+        {
+            "episode_index": index,
+            "tasks": [instruction],
+            "length": len(columns["index"]),
+            **dict.fromkeys(zeros, 0),
+            "dataset_from_index": int(columns["index"][0]),
+            "dataset_to_index": int(columns["index"][-1]) + 1,
+            **{f"stats/{name}/{kind}": v for name, item in _statistics(columns).items() for kind, v in item.items()},
+        }
+        for index, (columns, instruction) in enumerate(zip(episodes, instructions, strict=True))
+    ]
+    parquet.write_table(arrow.Table.from_pylist(rows), path)
+
+
+def _statistics(columns: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, dict[str, list[float]]]:
+    """Return min, max, mean, std, count and quantiles of each column (T,) or (T, k), as lists of k numbers."""
+    return {name: _statistics_of(column.reshape(len(column), -1)) for name, column in columns.items()}
+
+
+def _statistics_of(column: np.ndarray[Any, Any]) -> dict[str, list[float]]:
+    quantiles = np.quantile(column, list(QUANTILES.values()), axis=0)
+    return {
+        "min": column.min(axis=0).tolist(),
+        "max": column.max(axis=0).tolist(),
+        "mean": column.mean(axis=0, dtype=np.float64).tolist(),
+        "std": column.std(axis=0, dtype=np.float64).tolist(),
+        "count": [len(column)],
+        **{name: row.tolist() for name, row in zip(QUANTILES, quantiles, strict=True)},
+    }
+
+
 def _info(episodes: list[Columns], tasks: list[str], fps: int) -> dict[str, Any]:
-    features: dict[str, Any] = {
+    features = {
         name: {"dtype": str(column.dtype), "shape": list(column.shape[1:]) or [1], "names": _NAMES.get(name)}
         for name, column in episodes[0].items()
     }
     return {
-        "codebase_version": VERSION,
+        "codebase_version": reader.VERSION,
         "robot_type": None,
         "total_episodes": len(episodes),
         "total_frames": sum(len(columns["index"]) for columns in episodes),
@@ -211,7 +208,3 @@ def _info(episodes: list[Columns], tasks: list[str], fps: int) -> dict[str, Any]
         "video_path": None,
         "features": features,
     }
-
-
-def _write_json(path: Path, document: object) -> None:
-    path.write_text(json.dumps(document, indent=4))
