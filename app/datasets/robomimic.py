@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, DatasetError, MissingPackageError
-from app.datasets.columns import ColumnEpisode
-from app.datasets.options import FeatureMap, ImportOptions, as_name
+from app.datasets.columns import ColumnEpisode, FeatureMap
+from app.datasets.options import ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel, depth_png, rgb_png
 
 MAX_LINKS = 8  # soft links in a row: they may form a cycle

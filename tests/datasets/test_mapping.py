@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.datasets.bounds import DatasetError
-from app.datasets.columns import objects_of, quaternions_xyzw, selected, trajectory_of
-from app.datasets.options import FeatureMap, read_changes
+from app.datasets.columns import FeatureMap, objects_of, quaternions_xyzw, selected, trajectory_of
+from app.datasets.options import read_changes
 from roboprompt_client.errors import InvalidInputError
 
 NUM_FRAMES, FREQUENCY_HZ = 12, 10.0

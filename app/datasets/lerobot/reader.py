@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from app.datasets.bounds import Budget, DamagedError, DatasetError, MissingPackageError, inside, read_inside
-from app.datasets.columns import ColumnEpisode, Columns, trajectory_of
+from app.datasets.columns import ColumnEpisode, Columns, FeatureMap, trajectory_of
 from app.datasets.lerobot.tables import column_names, numbers_of, read_table, read_value
-from app.datasets.options import FeatureMap, ImportOptions, as_name
+from app.datasets.options import ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel, checked_metadata, rgb_png
 from roboprompt_client.types.trajectory import npz_from_trajectory
 
