@@ -5,11 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
-from roboprompt_client.errors import (
-    DangerError,
-    InvalidAnswerError,
-    NotConfirmedError,
-)
+from roboprompt_client.errors import DangerError, InvalidAnswerError, NotConfirmedError
 from roboprompt_client.motion.guard import action_from_json
 from roboprompt_client.runs.reanchoring import ActionAnchor, anchor_from_json
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose, object_from_json

@@ -23,9 +23,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.arm import Arm, Tolerance
 from roboprompt_client.arms.driver import Calibration, Driver
-from roboprompt_client.arms.safety import Tolerance
 from roboprompt_client.cameras.rig import MountedCamera, Rig
 from roboprompt_client.cameras.table import Table
 from roboprompt_client.errors import CameraError, InvalidInputError

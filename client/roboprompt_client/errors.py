@@ -19,9 +19,7 @@ class InvalidInputError(RoboPromptError, ValueError):
 
     def __init__(self, field: str, message: str, valid: str | None = None) -> None:
         super().__init__(f"{field}: {message}" + (f" (valid: {valid})" if valid else ""))
-        self.field = field
-        self.message = message
-        self.valid = valid
+        self.field, self.message, self.valid = field, message, valid
 
     def __reduce__(self) -> tuple[type["InvalidInputError"], tuple[str, str, str | None]]:
         """Keep the arguments when the error is pickled; by default only its text is kept."""
@@ -59,8 +57,7 @@ class ServiceProblemError(RoboPromptError):
 
     def __init__(self, status: int, problem: Mapping[str, Any]) -> None:
         super().__init__(f"{status} {problem.get('title', '')}: {problem.get('detail', '')}")
-        self.status = status
-        self.problem = problem
+        self.status, self.problem = status, problem
 
     def __reduce__(self) -> tuple[type["ServiceProblemError"], tuple[int, Mapping[str, Any]]]:
         return type(self), (self.status, self.problem)
@@ -75,13 +72,7 @@ class ServiceUnreachableError(RoboPromptError):
 
 
 class InvalidAnswerError(RoboPromptError):
-    """The service's answer breaks its own contract, so none of it can be trusted.
-
-    Args:
-        field: path of the member in the answer.
-        message: what was received.
-        valid: what the service may answer.
-    """
+    """The service's answer breaks its own contract, so none of it can be trusted."""
 
     def __init__(self, field: str, message: str, valid: str) -> None:
         super().__init__(f"the service's answer: {field} {message} (valid: {valid})")
@@ -97,13 +88,7 @@ class ObjectLostError(RoboPromptError):
 
 
 class CameraError(RoboPromptError):
-    """A camera gave no usable picture.
-
-    Args:
-        message: what is wrong, with the value.
-        remedy: what would help.
-        camera: its name; empty where a driver raises the error, because it does not know the name.
-    """
+    """A camera gave no usable picture; `remedy` would help. A driver does not know the `camera`'s name."""
 
     def __init__(self, message: str, remedy: str, camera: str = "") -> None:
         super().__init__(f"camera {camera!r}: {message} (needed: {remedy})" if camera else f"{message} ({remedy})")

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from makers import DOWN, FIRST_M, MAKERS, OPEN_M, Body, Plain
 
-from roboprompt_client.arms.arm import Arm
+from roboprompt_client.arms.arm import Arm, Tolerance
 from roboprompt_client.arms.driver import Calibration
-from roboprompt_client.arms.safety import Tolerance
 from roboprompt_client.errors import InvalidInputError, MotionError, UnsafeActionError
 from roboprompt_client.motion.limits import Box, MotionLimits
 from roboprompt_client.types import quaternions as rotations

@@ -131,10 +131,7 @@ def test_the_angle_is_that_of_the_relative_rotation(values):
     assert angle_deg(tuple(one.as_quat()), tuple(other.as_quat())) == pytest.approx(expected, abs=1e-5)
 
 
-@given(
-    st.lists(st.tuples(*[st.floats(-2, 2)] * 3), min_size=1, max_size=6),
-    st.floats(0.01, 1),
-)
+@given(st.lists(st.tuples(*[st.floats(-2, 2)] * 3), min_size=1, max_size=6), st.floats(0.01, 1))
 def test_whatever_passes_is_within_every_bound(places_m, max_step_m):
     keep_out = Box((0.0, 0.0, 0.8), (0.2, 0.2, 1.0))
     start_m = np.array([0.5, 0.2, 0.9])

@@ -95,10 +95,3 @@ def test_a_problem_can_be_raised_by_a_worker_process():
     problem = {"type": "/problems/model-busy", "title": "Busy", "detail": "ask later"}
     again = pickle.loads(pickle.dumps(ServiceProblemError(503, problem)))
     assert (again.status, again.problem, str(again)) == (503, problem, "503 Busy: ask later")
-
-
-def test_a_part_of_a_recording_has_its_frames():
-    whole = Trajectory.from_poses(HEIGHTS, DOWN, [1, 1, 0], [0.0, 0.1, 0.2])
-    part = whole.part(1, 3)
-    assert (len(part), part.gripper_open.tolist(), list(part.timestamps_s)) == (2, [True, False], [0.1, 0.2])
-    assert part.positions_m.tolist() == whole.positions_m[1:].tolist()

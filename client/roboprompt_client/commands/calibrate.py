@@ -33,11 +33,7 @@ def add_calibrate(add: AddCommand) -> None:
     calibrate = add("calibrate", "find the poses of the cell's cameras with a ChArUco board", run_calibrate)
     option = calibrate.add_argument
     option("--robot", required=True, metavar="CELL", help=CELL)
-    option(
-        "--carried",
-        action="store_true",
-        help="the hand has the cameras (default: the hand has the board)",
-    )
+    option("--carried", action="store_true", help="the hand has the cameras (default: the hand has the board)")
     option("--by-hand", action="store_true", help="you guide the arm; it does not move by itself")
     option("--columns", type=int, default=5, help="squares of the board (default: %(default)s)")
     option("--rows", type=int, default=7, help="squares of the board (default: %(default)s)")

@@ -71,31 +71,31 @@ class Trajectory:
     wrenches_n_nm: Array | None = None
 
     def __post_init__(self) -> None:
-        name, speeds = "trajectory.joint_velocities", self.joint_velocities_rad_s
-        velocities = bounded_array(name, speeds, (None, None), MAX_RAD_S, "rad/s")
+        velocities = bounded_array(
+            _name("joint_velocities"), self.joint_velocities_rad_s, (None, None), MAX_RAD_S, "rad/s"
+        )
         num_frames, num_joints = velocities.shape
         if num_frames == 0:
-            raise InvalidInputError(name, "has no frames (T = 0)", "at least one frame")
+            raise InvalidInputError(_name("joint_velocities"), "has no frames (T = 0)", "at least one frame")
         if num_joints > MAX_JOINTS:
-            raise InvalidInputError(name, f"has {num_joints} joints", f"1 to {MAX_JOINTS}")
-        quaternions_name = "trajectory.end_effector_quaternions_xyzw"
-        quaternions = unit_quaternions(quaternions_name, self.quaternions_xyzw, (num_frames, 4))
+            raise InvalidInputError(_name("joint_velocities"), f"has {num_joints} joints", f"1 to {MAX_JOINTS}")
+        turns = unit_quaternions(_name("end_effector_quaternions_xyzw"), self.quaternions_xyzw, (num_frames, 4))
         settle(
             self,
             joint_velocities_rad_s=velocities,
-            positions_m=positions_array("trajectory.end_effector_positions", self.positions_m, (num_frames, 3)),
-            quaternions_xyzw=quaternions,
-            gripper_open=_booleans("trajectory.gripper_open", self.gripper_open, num_frames),
+            positions_m=positions_array(_name("end_effector_positions"), self.positions_m, (num_frames, 3)),
+            quaternions_xyzw=turns,
+            gripper_open=_booleans(_name("gripper_open"), self.gripper_open, num_frames),
         )
         if (times_s := self.timestamps_s) is not None:
-            settle(self, timestamps_s=_increasing("trajectory.timestamps", times_s, num_frames))
+            settle(self, timestamps_s=_increasing(_name("timestamps"), times_s, num_frames))
         if (angles := self.joint_positions_rad) is not None:
-            angles = bounded_array("trajectory.joint_positions", angles, velocities.shape, MAX_RAD, "rad")
+            angles = bounded_array(_name("joint_positions"), angles, velocities.shape, MAX_RAD, "rad")
             settle(self, joint_positions_rad=angles)
         if (widths_m := self.gripper_width_m) is not None:
-            settle(self, gripper_width_m=_widths("trajectory.gripper_width", widths_m, num_frames))
+            settle(self, gripper_width_m=_widths(_name("gripper_width"), widths_m, num_frames))
         if (wrenches := self.wrenches_n_nm) is not None:
-            wrenches = bounded_array("trajectory.wrenches", wrenches, (num_frames, 6), MAX_N_NM, "N and Nm")
+            wrenches = bounded_array(_name("wrenches"), wrenches, (num_frames, 6), MAX_N_NM, "N and Nm")
             settle(self, wrenches_n_nm=wrenches)
         self._check_objects(num_frames)
 
@@ -107,31 +107,25 @@ class Trajectory:
         gripper_open: npt.ArrayLike,
         timestamps_s: npt.ArrayLike | None = None,
     ) -> "Trajectory":
-        """Return the trajectory of an end effector whose joints are not known.
-
-        Args:
-            positions_m: (T, 3) in the world frame.
-            quaternions_xyzw: (T, 4) in the world frame.
-            gripper_open: (T,) bool.
-            timestamps_s: (T,) increasing.
+        """Return the trajectory of an end effector whose joints are not known, from the attributes of these names.
 
         Raises:
             InvalidInputError: naming the array and what is wrong with it.
         """
-        positions = positions_array("trajectory.end_effector_positions", positions_m, (None, 3))
+        positions = positions_array(_name("end_effector_positions"), positions_m, (None, 3))
         no_joints = np.zeros((len(positions), 0))
         return cls(no_joints, positions, quaternions_xyzw, gripper_open, timestamps_s)  # type: ignore[arg-type]  # checked
 
     def _check_objects(self, num_frames: int) -> None:
-        name = "trajectory.object_quaternions_xyzw"
-        if self.object_positions_m is not None:
-            positions = positions_array("trajectory.object_positions", self.object_positions_m, (num_frames, None, 3))
-            settle(self, object_positions_m=positions)
-        elif self.object_quaternions_xyzw is not None:
-            raise InvalidInputError(name, "has no object_positions beside it", "both, or only object_positions")
-        if self.object_positions_m is not None and self.object_quaternions_xyzw is not None:
-            shape = (*self.object_positions_m.shape[:2], 4)
-            settle(self, object_quaternions_xyzw=unit_quaternions(name, self.object_quaternions_xyzw, shape))
+        name, turns = _name("object_quaternions_xyzw"), self.object_quaternions_xyzw
+        if self.object_positions_m is None:
+            if turns is not None:
+                raise InvalidInputError(name, "has no object_positions beside it", "both, or only object_positions")
+            return
+        positions = positions_array(_name("object_positions"), self.object_positions_m, (num_frames, None, 3))
+        settle(self, object_positions_m=positions)
+        if turns is not None:
+            settle(self, object_quaternions_xyzw=unit_quaternions(name, turns, (*positions.shape[:2], 4)))
 
     @property
     def num_joints(self) -> int:
@@ -159,11 +153,6 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.joint_velocities_rad_s)
-
-    def part(self, first: int, end: int) -> "Trajectory":
-        """Return the frames from `first` on, up to `end` and without it."""
-        arrays = {name: array for name, array in vars(self).items() if array is not None}
-        return replace(self, **{name: array[first:end] for name, array in arrays.items()})
 
     def with_gripper_open_above(self, width_m: float | None) -> "Trajectory":
         """Return a copy whose gripper is open where its measured width is larger; unchanged if either is None."""
@@ -247,6 +236,10 @@ def _gripper_open(widths_m: Array) -> npt.NDArray[np.bool_]:
         message = f"stays at {low:.4f} to {high:.4f} m, which may be open or closed"
         raise InvalidInputError("trajectory.gripper_width", message, "gripper_open (T,) beside it")
     return open_by_width(widths_m)
+
+
+def _name(array: str) -> str:
+    return f"trajectory.{array}"
 
 
 def _booleans(name: str, value: npt.ArrayLike, length: int) -> npt.NDArray[np.bool_]:

@@ -18,14 +18,7 @@ class SoftwareRealSense:
     """
 
     def __init__(
-        self,
-        shoot,
-        fx_px=600.0,
-        size_px=(640, 480),
-        depth_scale=0.001,
-        clock_off_s=0.0,
-        coeffs=(0.0,) * 5,
-        rate_hz=60,
+        self, shoot, fx_px=600.0, size_px=(640, 480), depth_scale=0.001, clock_off_s=0.0, coeffs=(0.0,) * 5, rate_hz=60
     ):
         self.device = rs.software_device()
         self._period_s = 1 / rate_hz
