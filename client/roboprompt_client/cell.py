@@ -4,7 +4,6 @@
      "base_to_world": {"position": [0, 0, 0.6], "quaternion_xyzw": [0, 0, 0, 1]},
      "limits": {"workspace": {"min": [0.2, -0.4, 0.6], "max": [0.7, 0.4, 1.2]}},
      "objects": "objects.json", "tolerance": {"position_m": 0.005, "max_contact_force_n": 30}, "open_width_m": 0.08,
-     "reach_m": 0.85,
      "cameras": [{"name": "front", "driver": "realsense", "options": {"serial": ".."}, "camera_to_world": [[...], ...]},
                  {"name": "wrist", "driver": "my_cell:make_camera", "camera_to_hand": null}],
      "table": {"position": [0.3, 0, 0.75], "normal": [0, 0, 1]}}
@@ -39,8 +38,7 @@ CAMERAS = {
     "realsense": "roboprompt_client.cameras.realsense:RealSense",
     "files": "roboprompt_client.cameras.files:FrameFolder",
 }
-MOST_M = {"open_width_m": MAX_GRIPPER_WIDTH_M, "reach_m": 10.0}  # larger numbers are no meters
-OF_ARM = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", *MOST_M)
+OF_ARM = ("arm", "options", "base_to_world", "limits", "objects", "tolerance", "open_width_m")
 CELL_FIELDS = (*OF_ARM, "cameras", "table")
 MOUNTS = ("camera_to_world", "camera_to_hand")
 CAMERA_FIELDS = ("name", "driver", "options", *MOUNTS)
@@ -81,10 +79,9 @@ def closing_robot(robot: Robot) -> Iterator[Robot]:
 
 def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None, opened: ExitStack) -> Robot:
     """Return the robot; `opened` closes its driver if the arm then cannot be used."""
-    how: dict[str, Any] = {
-        "tolerance": _tolerance(cell.get("tolerance", {})),
-        **{name: checked_bound(name, cell[name], most_m) for name, most_m in MOST_M.items() if name in cell},
-    }
+    how: dict[str, Any] = {"tolerance": _tolerance(cell.get("tolerance", {}))}
+    if "open_width_m" in cell:
+        how["open_width_m"] = checked_bound("open_width_m", cell["open_width_m"], MAX_GRIPPER_WIDTH_M)
     if "base_to_world" in cell:
         how["calibration"] = Calibration.from_json(cell)
     if "limits" in cell:

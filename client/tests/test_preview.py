@@ -114,10 +114,8 @@ def test_boxes_on_the_way_are_named_by_the_rule_that_refuses_them():
     assert preview_plan([right], *known, start_m=[-0.3, 0, 0.8])[0].touches == (box,)
 
 
-def test_without_joints_the_distance_is_held_against_the_reach():
-    near, far = to(0.5, 0, 0.3), to(0.9, 0, 0.3)
-    assert [item.reachable for item in preview_plan([near, far], AT_BASE, NO_LIMITS, reach_m=0.85)] == [True, False]
-    unknown = preview_plan([far], AT_BASE, NO_LIMITS, geometry=PandaGeometry())[0]
+def test_without_joints_the_reach_is_not_known():
+    unknown = preview_plan([to(0.9, 0, 0.3)], AT_BASE, NO_LIMITS, geometry=PandaGeometry())[0]
     assert (unknown.reachable, unknown.nearest, unknown.warning) == (None, None, "")
     assert unknown.cells(1)[4:6] == ("not known", "not known")
 

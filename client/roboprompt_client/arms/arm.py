@@ -157,7 +157,6 @@ class Arm:
         observe_scene: returns the objects in the world frame; None: there are none.
         limits: of the cell, in the world frame; checked before every motion, whatever the service allows.
         open_width_m: the measured width of open fingers; None: the largest width measured so far.
-        reach_m: how far the hand reaches from the base, for an arm without geometry; None: not known.
         cameras: take the pictures of `observe`.
 
     Raises:
@@ -176,7 +175,6 @@ class Arm:
         limits: MotionLimits = NO_BOXES,
         tolerance: Tolerance = TOLERANCE,
         open_width_m: float | None = None,
-        reach_m: float | None = None,
         cameras: Rig | None = None,
     ) -> None:
         self.driver, self.cameras = driver, cameras
@@ -184,7 +182,7 @@ class Arm:
         self.calibration = calibration or Calibration.none()
         self._limits, self._tolerance, self._interlock = limits, tolerance, Interlock(driver)
         self._observe_scene = observe_scene or Observation
-        self._open_width_m, self._reach_m = open_width_m, reach_m
+        self._open_width_m = open_width_m
         if tolerance.max_contact_force_n is not None and driver.state().wrench_n_nm is None:
             remedy = "an arm that reports them, such as a Franka or UR"
             raise InvalidInputError("max_contact_force_n", f"is set, but {driver.name} reports no forces", remedy)
@@ -244,7 +242,6 @@ class Arm:
             self.calibration,
             MotionLimits(keep_out=boxes, hand_radius_m=max(self._limits.hand_radius_m, limits.hand_radius_m)),
             geometry=self._geometry(),
-            reach_m=self._reach_m,
             joints_rad=state.joint_positions_rad,
             start_m=state.position_m.tolist(),
         )

@@ -8,8 +8,8 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, wait
 from contextlib import contextmanager, suppress
-from queue import Empty, Queue
 from threading import Thread
 from typing import Any
 
@@ -228,20 +228,15 @@ class Franka:
 
 def _within(most_s: float, connect: Callable[[], Any]) -> Any:  # noqa: ANN401
     """Return what `connect` returns, or raise TimeoutError: libfranka waits forever for an arm that is in use."""
-    done: Queue[Any] = Queue()
+    done: Future[Any] = Future()
 
     def run() -> None:
         try:
-            done.put((connect(), None))
+            done.set_result(connect())
         except Exception as error:  # handed over to the caller
-            done.put((None, error))
+            done.set_exception(error)
 
     Thread(target=run, name="connect", daemon=True).start()
-    try:
-        made, error = done.get(timeout=most_s)
-    except Empty:
-        message = f"no answer within {most_s:g} s: is it switched on, and does another program control it?"
-        raise TimeoutError(message) from None
-    if error is not None:
-        raise error
-    return made
+    if not wait([done], most_s).done:
+        raise TimeoutError(f"no answer within {most_s:g} s: is it switched on, and does another program control it?")
+    return done.result()

@@ -62,7 +62,6 @@ def preview_plan(
     limits: MotionLimits,
     *,
     geometry: Chain | None = None,
-    reach_m: float | None = None,
     joints_rad: Array | None = None,
     start_m: Sequence[float] | None = None,
 ) -> tuple[Previewed, ...]:
@@ -71,28 +70,22 @@ def preview_plan(
     Args:
         calibration: the pose of the arm's base.
         limits: the way is checked against their `keep_out` boxes.
-        geometry: of the arm's joints; None: not known.
-        reach_m: how far the hand reaches from the base, used if the joints are not known; None: not known either.
-        joints_rad: (J,) the present joints; None: only distance and reach are compared.
+        geometry, joints_rad: the arm's joints and where they are now, (J,); None: reach is not known.
         start_m: (3,) the hand's present position in the world frame; None: the first way is not checked.
     """
     previewed = []
     for action in actions:
         end_m: list[float] = action.position_m.tolist()
-        away_m = float(np.linalg.norm(action.position_m - calibration.position_m))
         way = (end_m if start_m is None else start_m, end_m)
         touches = tuple(box for box in limits.keep_out if enters(*way, box, limits.hand_radius_m))
-        start_m = end_m
-        nearest, problem = None, ""
-        if geometry is None or joints_rad is None:
-            reachable = None if reach_m is None else away_m <= reach_m
-            problem = "" if reachable is not False else f"the pose is out of reach: at most {reach_m:g} m"
-        else:
+        start_m, reachable, nearest, problem = end_m, None, None, ""
+        if geometry is not None and joints_rad is not None:
             try:
                 joints_rad = geometry.way(joints_rad, *calibration.to_base(action.position_m, action.quaternion_xyzw))
                 reachable, nearest = True, geometry.nearest_limit(joints_rad)
             except MotionError as error:  # the next way is checked as if this action were left out
                 reachable, problem = False, str(error)
+        away_m = float(np.linalg.norm(action.position_m - calibration.position_m))
         previewed.append(Previewed(action, away_m, reachable, problem, nearest, touches))
     return tuple(previewed)
 

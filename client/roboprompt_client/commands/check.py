@@ -50,10 +50,10 @@ class ArmCheck:
 
     def run(self) -> bool:
         """Return whether no check failed; if a motion fails, the arm is stopped and further motions are left out."""
-        if (start := self._check_observation()) is not None:
-            rises = f"The hand will rise by {100 * LIFT_M:.0f} cm and rotate by 10 degrees. Is the space above it free?"
-            if self._moves and ask_yes(f"{rises} [y/N] "):
-                self._check_motions(start)
+        start = self._check_observation()
+        rises = f"The hand will rise by {100 * LIFT_M:.0f} cm and rotate by 10 degrees. Is the space above it free?"
+        if start is not None and self._moves and ask_yes(f"{rises} [y/N] "):
+            self._check_motions(start)
         return self._sound
 
     def _check_observation(self) -> Pose | None:
@@ -74,10 +74,10 @@ class ArmCheck:
             return None
         norm = math.hypot(*hand.quaternion_xyzw)
         self._say("observe: quaternion", abs(norm - 1) < 1e-3, f"has the norm {norm:.4f}; order x y z w")
-        down = rotations.rotated(hand.quaternion_xyzw, (0, 0, 1))[2]
+        down_deg = 180 - math.degrees(rotations.tilt_rad(hand.quaternion_xyzw))
         place = ", ".join(f"{value:.3f}" for value in hand.position_m)
-        detail = f"hand at {place} m, its z axis {math.degrees(math.acos(np.clip(-down, -1, 1))):.0f} degrees from down"
-        self._say("observe: end_effector", None, f"{detail}: measure it")
+        detail = f"hand at {place} m, its z axis {down_deg:.0f} degrees from down: measure it"
+        self._say("observe: end_effector", None, detail)
         if isinstance(self._robot, Arm) and (problem := self._robot.problem_with(hand)):
             self._say("observe: limits", None, f"the hand could not go to where it is: {problem}")
         return hand
@@ -105,14 +105,13 @@ class ArmCheck:
             self._robot.stop()
             return self._say(name, False, str(error))
         assert hand is not None
-        off_m = float(np.linalg.norm(np.array(hand.position_m) - action.position_m))
+        off_m = math.dist(hand.position_m, action.position_m)
         off_deg = math.degrees(rotations.angle_between_rad(hand.quaternion_xyzw, action.quaternion_xyzw))
-        detail = f"{1000 * off_m:.1f} mm and {off_deg:.1f} degrees off after {took_s:.1f} s"
-        passed = off_m <= POSITION_TOLERANCE_M and off_deg <= ROTATION_TOLERANCE_DEG
-        return self._say(name, passed, f"{detail}; did the arm do it?")
+        detail = f"{1000 * off_m:.1f} mm and {off_deg:.1f} degrees off after {took_s:.1f} s; did the arm do it?"
+        return self._say(name, off_m <= POSITION_TOLERANCE_M and off_deg <= ROTATION_TOLERANCE_DEG, detail)
 
     def _check_stop(self, action: EndEffectorAction) -> None:
-        ended: list[BaseException | None] = []
+        ended: list[Exception | None] = []
 
         def move() -> None:
             try:
@@ -131,7 +130,7 @@ class ArmCheck:
         self._robot.stop()
         motion.join(MAX_STOP_S)
         took_s = time.monotonic() - began_s
-        if motion.is_alive() or not ended:
+        if not ended:
             self._say("stop", False, f"execute did not end within {MAX_STOP_S} s of stop()")
         elif isinstance(ended[0], MotionError):
             self._say("stop", True, f"ended the motion after {1000 * took_s:.0f} ms")
