@@ -4,7 +4,7 @@ An episode may lack objects of its task, or have further ones, where no motion d
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from sqlalchemy import Connection
@@ -32,7 +32,7 @@ from app.store.records import DemonstrationRecord, TaskRecord
 from app.store.store import Store
 from app.store.values import JsonObject
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.arrays import Array, settle
+from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera
 from roboprompt_client.types.names import checked_instruction, checked_name
 from roboprompt_client.types.poses import ObjectPose
@@ -48,8 +48,6 @@ class Upload:
         images: per camera of `episode.frames`, by name.
         prediction_id, corrects, left_out, note, uploaded_instruction: see `EpisodeRecord`.
         digest: of the request's content; a repeated `idempotency_key` must come with the same.
-        object_names: in the order of the trajectory's tracks.
-        cameras: those of the images.
     """
 
     task: str
@@ -63,15 +61,11 @@ class Upload:
     left_out: bool = False
     note: str = ""
     uploaded_instruction: str | None = None
-    object_names: tuple[str, ...] = field(init=False)
-    cameras: tuple[Camera, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         checked_name("task", self.task)
         if self.uploaded_instruction is not None:
             checked_instruction("uploaded_instruction", self.uploaded_instruction)
-        cameras = tuple(frame.camera for frame in self.episode.frames)
-        settle(self, object_names=tuple(query.name for query in self.objects), cameras=cameras)
         if not self.objects:
             raise InvalidInputError("objects", "is empty", "at least one object with its name and pose or mask_ids")
         check_object_names(self.object_names, list(dict.fromkeys(self.object_names)))
@@ -79,6 +73,15 @@ class Upload:
         if tracked not in (0, len(self.objects)):
             message = f"has {tracked} objects, but objects has {len(self.objects)}"
             raise InvalidInputError("trajectory.object_positions", message, "(T, N, 3), in the order of objects")
+
+    @property
+    def object_names(self) -> tuple[str, ...]:
+        """In the order of the trajectory's tracks."""
+        return tuple(query.name for query in self.objects)
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        return tuple(frame.camera for frame in self.episode.frames)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from app.api.question_body import questioned
 from app.api.routes import Wired
 from app.pipeline.prompt import SYSTEM_PROMPTS
 from app.pipeline.spans import prompt_spans
+from app.services.extract import reading
 from app.services.predict.question import Question
 from app.services.predict.request import PredictOptions, Selection
 from app.services.task_settings import PromptFormat, Representation, TaskSettings
@@ -131,8 +132,12 @@ def predict_page(request: Request, services: Wired, task: Id = "", episode: Id =
         taught = [name for name, counts in tasks.counts(connection).items() if counts.episodes]
         if episode:
             task = episodes.get(connection, episode).task
-        name = task or next(chain(*by_origin(taught)), "")
-        form = form_again(connection, again) if again else form_of_task(connection, name, episode) if name else None
+        elif again:
+            task = predictions.get(connection, again).task
+    form, name = None, task or next(chain(*by_origin(taught)), "")
+    if name:
+        with reading(services.store, name, strict=False) as now:
+            form = form_again(now.connection, again) if again else form_of_task(now.connection, name, episode)
     return render(
         request,
         "predict.html",
