@@ -57,9 +57,6 @@ class EvaluateOptions:
         Literal["rests", "continuous"],
         Option(help="demonstrations that rest at every pose, or pass them as a person does"),
     ] = "rests"
-    record_hz: Annotated[
-        float | None, Option(min=1, help="rate of the recordings (default: 20; of another world: its own)")
-    ] = None
     world: Annotated[
         str | None,
         Option(help="module with a WORLD, e.g. benchmarks.metaworld.world; default: the simulated Panda"),
@@ -78,11 +75,11 @@ class EvaluateOptions:
     ] = None
     noise: Annotated[
         float | None,
-        Option(min=0, help="on given poses, in multiples of 1.68 cm and 4.61 degrees; default: the sweep's own"),
+        Option(
+            min=0,
+            help="on given poses of demonstrations and tests, in multiples of 1.68 cm and 4.61 degrees; default: the sweep's own",
+        ),
     ] = None
-    noise_on: Annotated[
-        Literal["both", "test"], Option(help="noise on demonstrations and tests, or on tests alone")
-    ] = "both"
     shift: Annotated[
         float | None,
         Option(
@@ -159,12 +156,12 @@ def _plan(asked: EvaluateOptions) -> Plan:
     """
     sweep, models = SWEEPS[asked.sweep_name], asked.model or []
     world = Panda(asked.recordings, num_cameras=asked.cameras) if asked.world is None else world_named(asked.world)
-    if asked.record_hz is not None:
-        world = world.recorded_at(asked.record_hz)
     tasks = tuple(dict.fromkeys(asked.task or sweep.tasks or world.tasks))
     check_names("--task", tasks, world.tasks)
     names = asked.method or (("default",) if asked.shift is not None else ())
-    methods = with_noise(chosen(sweep.with_models(models), names, models), asked.noise, asked.noise_on)
+    methods = chosen(sweep.with_models(models), names, models)
+    if asked.noise is not None:
+        methods = with_noise(methods, asked.noise)
     if asked.poses == "vision":
         methods = with_poses(methods, "vision")
     if asked.shift is not None:

@@ -8,7 +8,6 @@ from typing import Any, Literal
 from roboprompt_client.errors import InvalidInputError
 
 Poses = Literal["given", "vision"]
-NoiseOn = Literal["both", "test"]
 # Where a method's actions come from; `app.evaluation.trials` has a function for each.
 Source = Literal["service", "expert replay", "expert", "robot loop", "own keyframes"]
 OF_THE_SERVICE = frozenset[Source]({"service", "robot loop"})
@@ -24,8 +23,7 @@ class Method:
         options: for `POST /predict`.
         settings: for `PUT /tasks/{name}`, in addition to those of the evaluation; methods that differ here use
             different tasks of the service.
-        noise: added to poses, as a multiple of the error in `app.evaluation.paper`.
-        noise_on: whether it is added to the poses of demonstrations and tests, or of tests alone.
+        noise: added to poses, of demonstrations and tests, as a multiple of the error in `app.evaluation.paper`.
         poses: whether the service is given the objects' poses, or finds them in images (`app.evaluation.teach`).
         source: where the actions come from; `robot loop` asks the service and lets the robot's own loop carry them out;
             others do not ask it.
@@ -39,7 +37,6 @@ class Method:
     noise: float = 0.0
     source: Source = "service"
     poses: Poses = "given"
-    noise_on: NoiseOn = "both"
     shift_m: float = 0.0
     look_again: bool = False
 
@@ -58,32 +55,23 @@ class Method:
         """Whether only the simulated Panda can run it."""
         return self.source in OF_THE_PANDA or self.shift_m > 0
 
-    @property
-    def taught_noise(self) -> float:
-        """The noise on the poses of demonstrations."""
-        return self.noise if self.noise_on == "both" else 0.0
 
-
-def with_noise(methods: Iterable[Method], scale: float | None, on: NoiseOn) -> tuple[Method, ...]:
+def with_noise(methods: Iterable[Method], scale: float) -> tuple[Method, ...]:
     """Return the methods with noise on observed poses; methods that observe no poses are unchanged.
 
     Args:
-        scale: in multiples of the paper's errors; None: each method's own.
+        scale: in multiples of the paper's errors.
 
     Raises:
         InvalidInputError: if the scale is negative or not finite, or for a method with noise of its own or with poses
             from images.
     """
-    if scale is not None and not (math.isfinite(scale) and scale >= 0):
+    if not (math.isfinite(scale) and scale >= 0):
         raise InvalidInputError("noise", f"is {scale}", "a finite number, 0 or above")
-    noisy: list[Method] = []
-    for method in methods:
-        if scale is not None and method.noise:
-            why = f"is {scale:g}, but {method.label!r} has a noise of {method.noise:g} of its own"
-            raise InvalidInputError("noise", why, "another sweep, or --method with methods that set none")
-        size = method.noise if scale is None else scale
-        noisy.append(replace(method, noise=size, noise_on=on) if method.asks_service and size else method)
-    return tuple(noisy)
+    if own := next((method for method in methods if method.noise), None):
+        why = f"is {scale:g}, but {own.label!r} has a noise of {own.noise:g} of its own"
+        raise InvalidInputError("noise", why, "another sweep, or --method with methods that set none")
+    return tuple(replace(method, noise=scale) if method.asks_service else method for method in methods)
 
 
 def with_shift(methods: Iterable[Method], shift_m: float) -> tuple[Method, ...]:

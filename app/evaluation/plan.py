@@ -82,8 +82,7 @@ class Plan:
     def digest(self, method: Method) -> str:
         """Return a digest of everything besides the label that can change a method's results."""
         everything = {
-            "method": {**asdict(method), "label": "", "noise_on": ""},
-            "taught_noise": method.taught_noise,
+            "method": {**asdict(method), "label": ""},
             "demonstrations": self.demonstrations,
             "recorded": self.recorded,
             "first_test_seed": self.first_test_seed,

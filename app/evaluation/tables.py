@@ -154,9 +154,8 @@ def _costs(result: MethodResult) -> list[float | None]:
 
 
 def _asked(result: MethodResult, method: Method) -> str:
-    where = "pose noise" if method.noise_on == "both" else "pose noise of tests alone"
     special = {
-        where: method.noise,
+        "pose noise": method.noise,
         "objects moved by m": method.shift_m,
         "looks again": method.look_again,
     }

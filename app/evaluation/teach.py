@@ -137,7 +137,7 @@ def suffix_of(method: Method, methods: Sequence[Method]) -> str:
 
 
 def _variant(method: Method) -> str:
-    taught = [method.settings, method.taught_noise, method.poses]
+    taught = [method.settings, method.noise, method.poses]
     return json.dumps(taught, sort_keys=True)
 
 
@@ -224,7 +224,7 @@ def _taught(
     refused = []
     for item in shown:
         scene = item.scene
-        seen = Observation(disturbed(scene.objects, method.taught_noise, scene.seed), scene.frames)
+        seen = Observation(disturbed(scene.objects, method.noise, scene.seed), scene.frames)
         if method.poses == "vision":
             seen = images_only(scene.frames, scene.objects)
         try:

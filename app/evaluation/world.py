@@ -6,7 +6,7 @@ module is imported there.
 
 import importlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -48,9 +48,6 @@ class World(Protocol):
     def conditions(self) -> Mapping[str, Any]:
         """Return further conditions that change results, for their record."""
 
-    def recorded_at(self, frequency_hz: float) -> "World":
-        """Return this world with demonstrations recorded at another rate."""
-
     def view(self, task: str, seed: int, images: bool = False) -> SceneView:
         """Return a test's scene before the arm moves."""
 
@@ -85,12 +82,10 @@ class Panda:
 
     Attributes:
         recordings: whether the expert rests at its poses while it demonstrates.
-        control_frequency_hz: of the recordings; RLBench's by default.
         num_cameras: that take images, the first of `app.sim.world.CAMERAS`.
     """
 
     recordings: Recordings = "rests"
-    control_frequency_hz: float = 20.0
     num_cameras: int = len(CAMERA_NAMES)
     tasks: ClassVar[Mapping[str, Mapping[str, float]]] = {
         name: task.yaw_symmetry_deg for name, task in ALL_TASKS.items()
@@ -106,17 +101,13 @@ class Panda:
     def conditions(self) -> Mapping[str, Any]:
         return asdict(self)
 
-    def recorded_at(self, frequency_hz: float) -> "Panda":
-        return replace(self, control_frequency_hz=frequency_hz)
-
     def view(self, task: str, seed: int, images: bool = False) -> SceneView:
         if images:
             return view_scene(task, seed, variation=_variation(task, seed), cameras=self._cameras)
         return _view(task, seed)
 
     def demonstrate(self, task: str, seed: int, images: bool = False) -> RecordedDemonstration:
-        rate_hz, cameras = self.control_frequency_hz, self._cameras if images else ()
-        return record_demonstration(task, seed, rate_hz, recordings=self.recordings, cameras=cameras)
+        return record_demonstration(task, seed, recordings=self.recordings, cameras=self._cameras if images else ())
 
     def solve(self, task: str, seed: int) -> RecordedDemonstration:
         variation = _variation(task, seed)

@@ -200,11 +200,6 @@ class Fetch:
     def conditions(self) -> Mapping[str, Any]:
         return {"world": "fetch", "control_frequency_hz": CONTROL_HZ}
 
-    def recorded_at(self, frequency_hz: float) -> "Fetch":
-        if frequency_hz != CONTROL_HZ:
-            raise ValueError(f"Fetch is controlled and recorded at {CONTROL_HZ:g} Hz")
-        return self
-
     def view(self, task: str, seed: int, images: bool = False) -> SceneView:
         return Run(task, seed).view(task, seed)
 

@@ -6,7 +6,7 @@ robosuite.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -38,11 +38,6 @@ class Libero:
 
     def conditions(self) -> Mapping[str, Any]:
         return {"world": "libero", "control_frequency_hz": CONTROL_HZ}
-
-    def recorded_at(self, frequency_hz: float) -> "Libero":
-        if frequency_hz != CONTROL_HZ:
-            raise ValueError(f"LIBERO is controlled and recorded at {CONTROL_HZ:g} Hz")
-        return replace(self)
 
     def view(self, task: str, seed: int, images: bool = False) -> SceneView:
         return _view(seed, Scene(task, seed), images)

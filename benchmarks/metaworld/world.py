@@ -7,7 +7,7 @@ than the simulated Panda needs.
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -93,33 +93,27 @@ def simulation_of(task: str) -> Simulation:
     return MetaWorldSimulation(task)
 
 
+CONTROL_HZ = 27.0  # of the recordings, as near as every so many of the simulation's 80 steps a second come
+
+
 @dataclass(frozen=True)
 class MetaWorld:
-    """Half of Meta-World's tasks.
+    """Half of Meta-World's tasks."""
 
-    Attributes:
-        control_frequency_hz: of the recordings, as near to it as every so many of the simulation's 80 steps a second
-            come.
-    """
-
-    control_frequency_hz: float = 27.0
     tasks: ClassVar[Mapping[str, Mapping[str, float]]] = {task: {} for task in TASKS}
     first_test_seed: ClassVar[int] = 1000
     has_cameras: ClassVar[bool] = False
     python: ClassVar[Path | None] = Path(__file__).parent / ".venv" / "bin" / "python"
 
     def conditions(self) -> Mapping[str, Any]:
-        return {"world": "metaworld", "control_frequency_hz": self.control_frequency_hz}
-
-    def recorded_at(self, frequency_hz: float) -> "MetaWorld":
-        return replace(self, control_frequency_hz=frequency_hz)
+        return {"world": "metaworld", "control_frequency_hz": CONTROL_HZ}
 
     def view(self, task: str, seed: int, images: bool = False) -> SceneView:
         return _scene(task, seed, simulation_of(task).reset(seed))
 
     def demonstrate(self, task: str, seed: int, images: bool = False) -> RecordedDemonstration:
         simulation = simulation_of(task)
-        every = max(1, round(simulation.step_hz / self.control_frequency_hz))
+        every = max(1, round(simulation.step_hz / CONTROL_HZ))
         first, rows, done = _policy_run(simulation, seed)
         velocities, places_m, fingers = (np.array(column)[::every] for column in zip(*rows, strict=True))
         downward = np.tile(DOWNWARD_XYZW, (len(places_m), 1))

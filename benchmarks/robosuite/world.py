@@ -7,7 +7,7 @@ environment of its own, since robosuite needs another numpy and mujoco than the 
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -39,11 +39,6 @@ class Robosuite:
 
     def conditions(self) -> Mapping[str, Any]:
         return {"world": "robosuite", "control_frequency_hz": CONTROL_HZ}
-
-    def recorded_at(self, frequency_hz: float) -> "Robosuite":
-        if frequency_hz != CONTROL_HZ:
-            raise ValueError(f"robosuite is controlled and recorded at {CONTROL_HZ:g} Hz")
-        return replace(self)
 
     def view(self, task: str, seed: int, images: bool = False) -> SceneView:
         return _view(task, seed, _scene(task, seed), images)

@@ -27,7 +27,7 @@ def _no_work(monkeypatch):
     def begun(*arguments, **settings):
         raise AssertionError("work has begun")
 
-    monkeypatch.setattr("app.evaluation.run.service", begun)
+    monkeypatch.setattr("app.cli.demo.service", begun)
     monkeypatch.setattr("app.evaluation.sweep_run.service", begun)
     monkeypatch.setattr("uvicorn.run", begun)
     monkeypatch.delenv("ROBOPROMPT_OPENAI_API_KEY", raising=False)
@@ -44,7 +44,6 @@ def _no_work(monkeypatch):
         (["eval", "--task", "fold_laundry"], "open_drawer"),
         (["eval", "--method", "best"], "'expert replay'"),
         (["eval", "--recordings", "shaky"], "'continuous'"),
-        (["eval", "--noise-on", "demonstrations"], "'test'"),
         (["eval", "--noise", "-1"], "or equal to 0"),
         (["eval", "--noise", "inf"], "a finite number"),
         (["eval", "--noise", "1", "--sweep", "noise"], "noise of 0.5 of its own"),

@@ -109,7 +109,6 @@ def test_the_digest_follows_the_method(change):
     "change",
     [
         {"world": Panda("continuous")},
-        {"world": Panda().recorded_at(40)},
         {"settings": {"keyframes": {"rule": "merged"}}},
         {"first_test_seed": 7},
         {"first_test_seed": 200_000},

@@ -2,7 +2,6 @@
 
 import json
 from concurrent.futures import Future
-from dataclasses import replace
 from functools import cache
 from operator import call
 
@@ -175,15 +174,6 @@ def test_methods_are_taught_as_they_ask(run, url):
     seed = plain[0]["extra"]["seed"]
     expected = disturbed(view_scene("open_drawer", seed, cameras=()).objects, 2.0, seed)
     assert positions(noisy[0]) == [pytest.approx(pose.position_m.tolist()) for pose in expected]
-
-
-def test_noise_on_tests_alone_leaves_the_demonstrations_as_they_are(run, url):
-    task = run(REGRESSION, replace(NOISY, noise_on="test"))
-    plain, noisy = (httpx.get(f"{url}/predictions/{trial.answer['id']}").json() for trial in task.trials)
-    assert noisy["demonstration_ids"] == plain["demonstration_ids"]
-    expected = disturbed(view_scene("open_drawer", 100_000, cameras=()).objects, 2.0, 100_000)
-    assert positions(noisy) == [pytest.approx(pose.position_m.tolist()) for pose in expected]
-    assert positions(plain) != positions(noisy)
 
 
 def test_continuous_recordings_and_other_scenes(run, lessons, tmp_path):

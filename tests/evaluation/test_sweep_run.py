@@ -131,7 +131,7 @@ def test_a_finished_run_is_not_run_again(folder):
 
 
 def test_other_recordings_scenes_and_methods(tmp_path):
-    scenes = ["--recordings", "continuous", "--seed", "5", "--noise", "1", "--noise-on", "test"]
+    scenes = ["--recordings", "continuous", "--seed", "5", "--noise", "1"]
     methods = ["--method", "expert", "--method", "regression"]
     few = ["--task", "push_button", "--episodes", "2", "--demos", "2", "--json", "--out", str(tmp_path)]
     run = CliRunner().invoke(application, ["eval", *scenes, *methods, *few])
@@ -143,4 +143,4 @@ def test_other_recordings_scenes_and_methods(tmp_path):
     assert list(figures["methods"]) == ["expert", REGRESSION.label]
     kept = json.loads((tmp_path / "run.json").read_text())
     assert (kept["test_seeds"], kept["recordings"]) == ([5, 6], "continuous")
-    assert [(method["noise"], method["noise_on"]) for method in kept["methods"]] == [(0.0, "both"), (1.0, "test")]
+    assert [method["noise"] for method in kept["methods"]] == [0.0, 1.0]
