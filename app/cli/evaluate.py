@@ -77,7 +77,7 @@ class EvaluateOptions:
         float | None,
         Option(
             min=0,
-            help="on given poses of demonstrations and tests, in multiples of 1.68 cm and 4.61 degrees; default: the sweep's own",
+            help="on given poses, in multiples of 1.68 cm and 4.61 degrees; default: the sweep's own",
         ),
     ] = None
     shift: Annotated[
