@@ -44,12 +44,6 @@ def test_old_predictions_go_and_their_images_with_a_later_sweep(store):
     assert store.sweep(timedelta(0)) == 1
 
 
-def test_the_oldest_go_where_all_together_are_too_large(store):
-    records = [predict(store, prediction_draft(prompt_user="a" * 10_000)) for _ in range(5)]
-    keep_house(store, max_bytes=35_000)
-    assert kept(store) == [record.id for record in records[:1:-1]]
-
-
 def test_a_disk_that_refuses_the_note_of_a_sweep_is_an_error_of_the_store(store):
     """Another error would end the service's housekeeping for good."""
     (store._data_dir / ".swept").mkdir()

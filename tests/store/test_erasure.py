@@ -1,9 +1,9 @@
 """Deleted is what was asked for, with all that refers to it, and nothing else."""
 
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 
 import pytest
-from sqlalchemy import func, select, update
+from sqlalchemy import func, select
 
 from app.store import erasure, labels, predictions, tables, tasks
 from app.store.errors import NotFoundError
@@ -73,23 +73,3 @@ def test_images_that_others_have_stay(store):
     assert store.sweep(timedelta(hours=1)) == 0  # one of them may be part of an upload under way
     assert store.sweep(timedelta(0)) == 1
     assert store.blobs.sizes() == {shared: 6}
-
-
-def test_the_oldest_predictions_are_beyond_an_age_and_a_size(store):
-    shared, large = store.blobs.put(b"s" * 50_000), store.blobs.put(b"l" * 50_000)
-    upload(store, episode_draft(cameras=(camera_record(rgb_digest=shared),)))
-    first = predict(store, prediction_draft(cameras=(camera_record(rgb_digest=large),)))
-    second = predict(store, prediction_draft(prompt_user="a" * 10_000, cameras=(camera_record(rgb_digest=shared),)))
-    third = predict(store, prediction_draft(prompt_user="a" * 10_000))
-    now = datetime.now(UTC)
-    with store.write() as connection:
-        aged = update(tables.predictions).where(tables.predictions.c.id == first.id)
-        connection.execute(aged.values(created_at=now - timedelta(days=3)))
-    with store.read() as connection:
-        assert erasure.predictions_before(connection, now - timedelta(days=2), 9) == (first.id,)
-        assert erasure.predictions_before(connection, now + timedelta(1), 2) == (first.id, second.id)
-        sizes = store.blobs.sizes()
-        assert erasure.predictions_beyond(connection, 5_000, sizes) == (first.id, second.id, third.id)
-        assert erasure.predictions_beyond(connection, 15_000, sizes) == (first.id, second.id)
-        assert erasure.predictions_beyond(connection, 30_000, sizes) == (first.id,)  # an episode has the others
-        assert erasure.predictions_beyond(connection, 100_000, sizes) == ()
