@@ -22,7 +22,6 @@ from app.store.erasure import keep_house
 from app.store.store import SWEEP_GRACE, Store
 from app.web.routes import install_pages
 from roboprompt_client.errors import RoboPromptError
-from roboprompt_client.http import is_loopback
 from roboprompt_client.version import VERSION
 
 DEFAULT_RATE_PER_S = 20.0
@@ -51,7 +50,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         store,
         ModelRegistry(settings),
         settings.default_model,
-        OfferedModels(settings.allowed_models, files=_is_local(settings) and settings.auth != "on"),
+        OfferedModels(settings.allowed_models, files=settings.auth == "local"),
         PoseServers(settings.pose_servers),
         num_warm_tasks=settings.embedded_slots,
     )
@@ -89,18 +88,13 @@ async def _tried(what: str, work: Callable[[], int]) -> int:
 
 def access_for(settings: Settings) -> Access:
     """Return the rules for requests."""
-    local = _is_local(settings)
-    required = settings.auth == "on" or (settings.auth == "auto" and not local)
+    required = settings.auth in ("on", "auto")
     rate = settings.rate_limit_per_s
     return Access(
         key_required=required,
-        local_only=settings.auth == "auto" and local,
+        local_only=settings.auth == "local",
         requests_per_s=rate if rate is not None else DEFAULT_RATE_PER_S if required else 0.0,
     )
-
-
-def _is_local(settings: Settings) -> bool:
-    return settings.host is not None and is_loopback(settings.host)
 
 
 def build_app(settings: Settings) -> FastAPI:

@@ -23,10 +23,9 @@ class Settings(LlmSettings, BaseSettings):
     """SQLAlchemy URL; empty: SQLite in the data folder"""
     blobs_url: str | None = None
     """object store of the images, e.g. s3://bucket/prefix; empty: the data folder"""
-    host: str | None = None
-    """address that the service is bound to, as `serve --host` says; empty: unknown"""
-    auth: Literal["auto", "on", "off"] = "auto"
-    """whether API keys are required; auto: as soon as other machines can connect, or where that is unknown"""
+    auth: Literal["auto", "on", "off", "local"] = "auto"
+    """whether API keys are required; local: no, and only requests to this machine's own names are answered; auto: local
+    where `serve` is bound to this machine, else on"""
     trusted_proxies: tuple[str, ...] = ()
     """JSON list of addresses or networks of reverse proxies whose X-Forwarded-For and -Proto are believed by
     `roboprompt serve`; empty: none"""

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.trajectory import FIELDS, MAX_FRAMES, VALID, Trajectory, trajectory_from_arrays
+from roboprompt_client.types.trajectory import FIELDS, VALID, Trajectory, trajectory_from_arrays
 
 MAX_UNPACKED_BYTES = 100_000_000  # 600,000 frames; a .npz of 0.3 MB can claim 300 MB
 MAX_DIRECTORY_BYTES = 131_072  # of the archive's directory, whose comment alone may have 64 kB
@@ -28,15 +28,13 @@ _READ_HEADER = {
 }
 
 
-def trajectory_from_npz(
-    data: bytes, max_unpacked_bytes: int = MAX_UNPACKED_BYTES, max_frames: int = MAX_FRAMES
-) -> Trajectory:
+def trajectory_from_npz(data: bytes, max_unpacked_bytes: int = MAX_UNPACKED_BYTES) -> Trajectory:
     """Return the trajectory of a .npz file.
 
     Raises:
         InvalidInputError: naming the array and what is wrong with it.
     """
-    return trajectory_from_arrays(_arrays("trajectory", data, len(FIELDS), max_unpacked_bytes, VALID), max_frames)
+    return trajectory_from_arrays(_arrays("trajectory", data, len(FIELDS), max_unpacked_bytes, VALID))
 
 
 def _arrays(

@@ -11,6 +11,7 @@ from app.bootstrap import build_app, open_store
 from app.cli.shared import Data, EnvFile, check_port, errors_printed, settings_of
 from app.llm.llama.embedded import shared_by_workers
 from app.settings import Settings
+from roboprompt_client.http import is_loopback
 
 MAX_HEAD_BYTES = 65_536
 MAX_CONNECTIONS = 500  # of a worker; more get 503
@@ -30,10 +31,10 @@ def serve(
     Where other machines can connect (--host), API keys are required: `roboprompt keys add`.
     Everything else is set by ROBOPROMPT_ variables, see docs/settings.md; no file is read for them but --env-file.
     """
-    given = {"data": data, "host": host, "auth": "off" if no_auth else None}
-    settings = settings_of(None, env_file).model_copy(
-        update={name: value for name, value in given.items() if value is not None}
-    )
+    settings = settings_of(data, env_file)
+    if no_auth or settings.auth == "auto":
+        auth = "off" if no_auth else "local" if is_loopback(host) else "on"
+        settings = settings.model_copy(update={"auth": auth})
     with errors_printed():  # in a sentence and once, before any worker starts
         open_store(settings).close()
     application = build_app(settings) if workers == 1 else _for_workers(settings)
@@ -57,6 +58,6 @@ def serve(
 
 def _for_workers(settings: Settings) -> str:
     """The import name of the application that each worker builds from the environment."""
-    for name in ("data", "host", "auth"):
+    for name in ("data", "auth"):
         os.environ[f"ROBOPROMPT_{name.upper()}"] = str(getattr(settings, name))
     return "app.asgi:app"

@@ -97,6 +97,12 @@ def _compatible_quirks(settings: LlmSettings) -> ServerQuirks:
     return quirks_of(settings.compatible_base_url) if server == "other" else SERVERS[server]
 
 
+def _compatible_model(settings: LlmSettings) -> str:
+    """Return the name to offer: the default model's; servers of one model take any."""
+    backend, _, model = settings.default_model.partition("/")
+    return model if backend == "openai_compatible" and model else "default"
+
+
 def _compatible_profile(model: str, settings: LlmSettings) -> ModelProfile:
     """A chat model is asked as in the paper; one that continues text and takes a grammar, like the embedded ones."""
     completes = settings.compatible_style == "completion"
@@ -157,7 +163,7 @@ BUILT_IN: Mapping[str, Backend] = {
     ),
     "openai_compatible": Backend(
         _openai_compatible,
-        lambda settings: [_compatible_profile(settings.compatible_model, settings)],
+        lambda settings: [_compatible_profile(_compatible_model(settings), settings)],
         _network_limits,
     ),
     "nearest": _single("nearest", lambda settings: nearest(), lambda settings: [NEAREST]),

@@ -35,7 +35,6 @@ class LlmSettings(BaseModel):
     compatible_api_key: Annotated[SecretStr, Field(description="may stay empty where the server asks for none")] = (
         SecretStr("")
     )
-    compatible_model: Annotated[str, Field(description="the server's name of its model")] = "default"
     compatible_style: Annotated[Style, Field(description="messages or raw text")] = "chat"
     compatible_server: Annotated[
         CompatibleServer,

@@ -6,9 +6,7 @@ JPEG markers: a PNG of 389 kB can expand to 1.2 GB, and a JPEG of 75 kB can take
 
 import re
 import struct
-import sys
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -22,7 +20,6 @@ from roboprompt_client.types.camera import Camera, RgbdFrame
 
 # 4k UHD has 8.3 million. OpenCV's own limit is an environment variable that it reads once, when it is loaded.
 MAX_PIXELS = 16_000_000
-STORED_PIXELS = sys.maxsize  # stored images were checked when they were uploaded
 _NPY = b"\x93NUMPY"
 # Calibrations belong to the sensor's rows and columns, and so do depth and masks: no header may turn the picture.
 _COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
@@ -52,43 +49,43 @@ _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # ITU-T T.81, table
 _WITHOUT_LENGTH = frozenset({0xD8, 0xD9})
 
 
-def decode_rgb(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.NDArray[np.uint8]:
+def decode_rgb(field: str, data: bytes) -> npt.NDArray[np.uint8]:
     """Return an image (H, W, 3) of uint8, red first."""
     if data.startswith(_NPY):
-        array = _load_npy(field, data, "rgb", max_pixels)
+        array = _load_npy(field, data, "rgb")
         if array.ndim != 3 or array.shape[2] != 3 or array.dtype != np.uint8:
             raise InvalidInputError(field, f"is an array {array.shape} {array.dtype}", _VALID["rgb"])
         return np.ascontiguousarray(array)
-    image = _decode(field, data, _COLOR, "rgb", max_pixels)
+    image = _decode(field, data, _COLOR, "rgb")
     return np.ascontiguousarray(image[..., ::-1])
 
 
-def decode_depth(field: str, data: bytes, depth_scale: float, max_pixels: int = MAX_PIXELS) -> npt.NDArray[np.float32]:
+def decode_depth(field: str, data: bytes, depth_scale: float) -> npt.NDArray[np.float32]:
     """Return an image (H, W) of float32 meters; 0 where the depth is unknown.
 
     Args:
         depth_scale: meters per unit of a 16-bit image.
     """
     if data.startswith(_NPY):
-        array = _load_npy(field, data, "depth", max_pixels)
+        array = _load_npy(field, data, "depth")
         if array.ndim != 2 or array.dtype.kind != "f":
             raise InvalidInputError(field, f"is an array {array.shape} {array.dtype}", _VALID["depth"])
         depth_m = array.astype(np.float32, copy=False)
         if (depth_m < 0).any():
             raise InvalidInputError(field, f"has a depth of {float(np.nanmin(depth_m)):g} m", "0 (unknown) or positive")
         return np.where(np.isfinite(depth_m), depth_m, np.float32(0))
-    image = _decode(field, data, cv2.IMREAD_UNCHANGED, "depth", max_pixels)
+    image = _decode(field, data, cv2.IMREAD_UNCHANGED, "depth")
     if image.ndim != 2 or image.dtype != np.uint16:
         raise InvalidInputError(field, f"is an image {image.shape} {image.dtype}", _VALID["depth"])
     return image.astype(np.float32) * np.float32(depth_scale)
 
 
-def decode_mask(field: str, data: bytes, max_pixels: int = MAX_PIXELS) -> npt.NDArray[np.int32]:
+def decode_mask(field: str, data: bytes) -> npt.NDArray[np.int32]:
     """Return an image (H, W) of int32 object ids."""
     if data.startswith(_NPY):
-        array = _load_npy(field, data, "mask", max_pixels)
+        array = _load_npy(field, data, "mask")
     else:
-        array = _decode(field, data, cv2.IMREAD_UNCHANGED, "mask", max_pixels)
+        array = _decode(field, data, cv2.IMREAD_UNCHANGED, "mask")
     if array.ndim != 2 or array.dtype.kind not in "iub":
         raise InvalidInputError(field, f"is an array {array.shape} {array.dtype}", _VALID["mask"])
     ids = array.astype(np.int32)
@@ -104,11 +101,11 @@ def as_image(data: bytes, kind: Literal["rgb", "depth", "mask"], depth_scale: fl
     if data.startswith(PNG_SIGNATURE):
         return data, "image/png"
     if kind == "rgb":
-        image: npt.NDArray[np.integer[Any]] = decode_rgb("rgb", data, STORED_PIXELS)[..., ::-1]
+        image: npt.NDArray[np.integer[Any]] = decode_rgb("rgb", data)[..., ::-1]
     elif kind == "mask":
-        image = np.clip(decode_mask("mask", data, STORED_PIXELS), 0, np.iinfo(np.uint16).max).astype(np.uint16)
+        image = np.clip(decode_mask("mask", data), 0, np.iinfo(np.uint16).max).astype(np.uint16)
     else:
-        units = np.rint(decode_depth("depth", data, depth_scale, STORED_PIXELS) / depth_scale)
+        units = np.rint(decode_depth("depth", data, depth_scale) / depth_scale)
         image = np.minimum(units, np.iinfo(np.uint16).max).astype(np.uint16)
     return cv2.imencode(".png", image)[1].tobytes(), "image/png"
 
@@ -122,7 +119,7 @@ class ImageBytes:
     mask: bytes | None = None
 
 
-def decode_frame(camera: Camera, images: ImageBytes, max_pixels: int = MAX_PIXELS) -> RgbdFrame:
+def decode_frame(camera: Camera, images: ImageBytes) -> RgbdFrame:
     """Return the camera's frame.
 
     Raises:
@@ -131,15 +128,13 @@ def decode_frame(camera: Camera, images: ImageBytes, max_pixels: int = MAX_PIXEL
     name = camera.name
     return RgbdFrame(
         camera,
-        None if images.rgb is None else decode_rgb(f"rgb_{name}", images.rgb, max_pixels),
-        None if images.depth is None else decode_depth(f"depth_{name}", images.depth, camera.depth_scale, max_pixels),
-        None if images.mask is None else decode_mask(f"mask_{name}", images.mask, max_pixels),
+        None if images.rgb is None else decode_rgb(f"rgb_{name}", images.rgb),
+        None if images.depth is None else decode_depth(f"depth_{name}", images.depth, camera.depth_scale),
+        None if images.mask is None else decode_mask(f"mask_{name}", images.mask),
     )
 
 
-def _decode(
-    field: str, data: bytes, flags: int, kind: Literal["rgb", "depth", "mask"], max_pixels: int
-) -> npt.NDArray[np.generic]:
+def _decode(field: str, data: bytes, flags: int, kind: Literal["rgb", "depth", "mask"]) -> npt.NDArray[np.generic]:
     if not data:
         raise InvalidInputError(field, "is empty", _VALID[kind])
     is_png = data.startswith(PNG_SIGNATURE)
@@ -147,7 +142,7 @@ def _decode(
         raise InvalidInputError(field, f"begins with {data[:8]!r}", _VALID[kind])
     if (PNG_END if is_png else JPEG_END) not in data[-64:]:
         raise InvalidInputError(field, f"is cut off after {len(data)} bytes", _VALID[kind])
-    _check_pixels(field, num_pixels(data), max_pixels)
+    _check_pixels(field, num_pixels(data))
     if is_png:
         data = _decodable_png(field, data)
     elif (scans := num_scans(data)) > MAX_SCANS:
@@ -162,12 +157,7 @@ def _decode(
 
 
 def num_pixels(data: bytes) -> int:
-    """Return the number of pixels by the image's header; 0 if the header is invalid."""
-    if data.startswith(_NPY):
-        with suppress(InvalidInputError):
-            shape = array_from_npy("", data, "").shape
-            return shape[0] * shape[1] if len(shape) >= 2 else 0
-        return 0
+    """Return the number of pixels by the header of a PNG or JPEG; 0 if the header is invalid."""
     width, height = png_size(data) if data.startswith(PNG_SIGNATURE) else jpeg_size(data)
     return width * height
 
@@ -180,16 +170,16 @@ def _decodable_png(field: str, data: bytes) -> bytes:
     return pixels
 
 
-def _load_npy(field: str, data: bytes, kind: str, max_pixels: int) -> npt.NDArray[np.generic]:
+def _load_npy(field: str, data: bytes, kind: str) -> npt.NDArray[np.generic]:
     array = array_from_npy(field, data, _VALID[kind])
     if array.ndim >= 2:
-        _check_pixels(field, array.shape[0] * array.shape[1], max_pixels)
+        _check_pixels(field, array.shape[0] * array.shape[1])
     return array
 
 
-def _check_pixels(field: str, pixels: int, max_pixels: int) -> None:
-    if not 0 < pixels <= max_pixels:
-        raise InvalidInputError(field, f"claims {pixels} pixels", f"1 to {max_pixels} pixels")
+def _check_pixels(field: str, pixels: int) -> None:
+    if not 0 < pixels <= MAX_PIXELS:
+        raise InvalidInputError(field, f"claims {pixels} pixels", f"1 to {MAX_PIXELS} pixels")
 
 
 def png_size(data: bytes) -> tuple[int, int]:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from app.perception.frame_checks import are_swapped
-from app.perception.images import STORED_PIXELS, ImageBytes, decode_frame, decode_rgb
+from app.perception.images import ImageBytes, decode_frame, decode_rgb
 from app.services.cache import Cache
 from app.store.blobs import BlobStore
 from app.store.errors import NotFoundError
@@ -59,7 +59,7 @@ def read_frame(blobs: BlobStore, record: CameraRecord) -> RgbdFrame:
     """
     digests = (record.rgb_digest, record.depth_digest, record.mask_digest)
     images = ImageBytes(*(None if digest is None else blobs.read(digest) for digest in digests))
-    return decode_frame(record.camera(), images, STORED_PIXELS)
+    return decode_frame(record.camera(), images)
 
 
 def check_colors(blobs: BlobStore, usual: Iterable[CameraRecord], frames: Iterable[RgbdFrame]) -> None:
@@ -81,7 +81,7 @@ def check_colors(blobs: BlobStore, usual: Iterable[CameraRecord], frames: Iterab
 
 
 def _stored_mean(blobs: BlobStore, digest: str) -> Array:
-    return _mean(decode_rgb("rgb", blobs.read(digest), STORED_PIXELS))
+    return _mean(decode_rgb("rgb", blobs.read(digest)))
 
 
 def _mean(rgb: npt.NDArray[np.uint8]) -> Array:

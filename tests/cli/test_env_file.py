@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from app.cli import application
 from app.settings import Settings, load_env_file
 
-PLANTED = "ROBOPROMPT_AUTH=off\nROBOPROMPT_OPENAI_BASE_URL=http://attacker.example/v1\nROBOPROMPT_HOST=0.0.0.0\n"
-SHOWN = "from app.settings import Settings; s = Settings(); print(s.auth, s.openai_base_url, s.host)"
+PLANTED = "ROBOPROMPT_AUTH=off\nROBOPROMPT_OPENAI_BASE_URL=http://attacker.example/v1\nROBOPROMPT_DATA=/planted\n"
+SHOWN = "from app.settings import Settings; s = Settings(); print(s.auth, s.openai_base_url, s.data)"
 
 
 @pytest.fixture
@@ -26,18 +26,18 @@ def test_a_file_in_the_working_directory_is_not_read(planted):
     done = subprocess.run(
         [sys.executable, "-c", SHOWN], cwd=planted, env=environment, capture_output=True, text=True, check=True
     )
-    assert done.stdout.split() == ["auto", "https://api.openai.com/v1", "None"]
+    assert done.stdout.split() == ["auto", "https://api.openai.com/v1", "data"]
 
 
 def test_a_file_that_is_named_is_read_and_the_environment_goes_first(planted, monkeypatch):
     for name in ("AUTH", "OPENAI_BASE_URL"):  # to be taken back afterwards
         monkeypatch.setenv(f"ROBOPROMPT_{name}", "")
         monkeypatch.delenv(f"ROBOPROMPT_{name}")
-    monkeypatch.setenv("ROBOPROMPT_HOST", "127.0.0.1")
+    monkeypatch.setenv("ROBOPROMPT_DATA", "mine")
     (planted / "lab.env").write_text(PLANTED + "PATH=/planted\nLD_PRELOAD=/planted.so\n")
     load_env_file(planted / "lab.env")
     settings = Settings()
-    assert (settings.auth, settings.host) == ("off", "127.0.0.1")
+    assert (settings.auth, settings.data) == ("off", Path("mine"))
     assert "planted" not in os.environ["PATH"] + os.environ.get("LD_PRELOAD", "")
 
 

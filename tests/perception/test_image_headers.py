@@ -15,7 +15,6 @@ from app.perception.images import (
     pixels_only,
 )
 from roboprompt_client.errors import InvalidInputError
-from tests.npy_files import HOSTILE, npy
 from tests.perception.hostile_images import START_OF_SCAN, many_scans, png_chunk, png_with
 
 RNG = np.random.default_rng(0)
@@ -81,11 +80,11 @@ def test_a_chunk_larger_than_its_file_is_refused_before_there_is_room_for_it(kin
         decode_rgb("rgb", data)
 
 
-@pytest.mark.parametrize("data", [BASELINE, PNG, npy(RGB), npy(RGB[..., 0])])
+@pytest.mark.parametrize("data", [BASELINE, PNG])
 def test_pixels_are_counted_without_decoding(data):
     assert num_pixels(data) == 2400
 
 
-@pytest.mark.parametrize("data", [b"", b"junk", BASELINE[:20], PNG[:20], b"\xff\xd8\xff", *HOSTILE])
+@pytest.mark.parametrize("data", [b"", b"junk", BASELINE[:20], PNG[:20], b"\xff\xd8\xff"])
 def test_what_cannot_be_decoded_has_no_pixels(data):
     assert num_pixels(data) == 0

@@ -166,7 +166,7 @@ class Trajectory:
         return EndEffectorAction(self.positions_m[frame], self.quaternions_xyzw[frame], is_open)
 
 
-def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAMES) -> Trajectory:
+def trajectory_from_arrays(arrays: Mapping[str, Any]) -> Trajectory:
     """Return the trajectory of arrays by name.
 
     Raises:
@@ -180,8 +180,8 @@ def trajectory_from_arrays(arrays: Mapping[str, Any], max_frames: int = MAX_FRAM
         raise InvalidInputError(f"trajectory.{unknown[0]}", "is not known", VALID)
     gripper = "gripper_open" if "gripper_open" in given else "gripper_width"
     fingers = finite_array(f"trajectory.{gripper}", given[gripper], (None,))
-    if (num_frames := len(fingers)) > max_frames:
-        raise InvalidInputError("trajectory", f"has {num_frames} frames", f"at most {max_frames}")
+    if (num_frames := len(fingers)) > MAX_FRAMES:
+        raise InvalidInputError("trajectory", f"has {num_frames} frames", f"at most {MAX_FRAMES}")
     if "joint_velocities" not in given:
         given["joint_velocities"] = _joint_velocities(num_frames, given.get("joint_positions"), given.get("timestamps"))
     if gripper == "gripper_width":
