@@ -100,11 +100,8 @@ class RoboPromptClient:
     def plan(self, instruction: str, objects: Iterable[ObjectPose | str]) -> tuple[PlannedStep, ...]:
         """Return the steps of a sentence over several tasks (`POST /plans`); `run_plan` carries them out.
 
-        Args:
-            objects: all objects of the scene, or their names; words such as "left" need poses.
-
-        Raises:
-            ServiceProblemError: also if a part of the sentence fits no task or several; the problem names the part.
+        `objects` are all of the scene, or their names; words such as "left" need poses. The problem of a refusal names
+        the part of the sentence that fits no task or several.
         """
         listed = [{"name": item} if isinstance(item, str) else object_json(item) for item in objects]
         answer = self._ask("POST", "/plans", json={"instruction": instruction, "objects": listed})
@@ -142,13 +139,9 @@ class RoboPromptClient:
     def find_poses(
         self, frames: Sequence[RgbdFrame], object_models: Mapping[str, Mapping[str, Any]]
     ) -> tuple[ObjectPose, ...]:
-        """Return the poses of objects in images (`POST /poses`), independent of tasks; nothing is stored.
+        """Return the poses of objects in images (`POST /poses`), each by its model as in a task's `object_models`.
 
-        Args:
-            object_models: by object name, as in a task's `object_models`.
-
-        Raises:
-            ServiceProblemError: also if one of the objects is not found.
+        Raises ServiceProblemError also if one of the objects is not found; nothing is stored.
         """
         objects = [{"name": name, "model": dict(model)} for name, model in object_models.items()]
         return tuple(map(object_from_json, self.post("/poses", {"objects": objects}, frames)["poses"]))
@@ -160,9 +153,7 @@ class RoboPromptClient:
     def configure_task(self, /, task: str, *, version: int | None = None, **settings: Any) -> dict[str, Any]:  # noqa: ANN401
         """Set a task's settings, see `PUT /tasks/{name}`; return all of them.
 
-        Args:
-            version: the task's version for which the settings were chosen; the service refuses (409) if the task has
-                changed since. None: no such check.
+        The service refuses (409) if the task has changed since `version`; None: no such check.
         """
         return self._ask("PUT", f"/tasks/{task}", json=settings, params={} if version is None else {"version": version})
 
@@ -194,11 +185,7 @@ class RoboPromptClient:
         return self.upload_parts(episode_parts(metadata, trajectory, observation), uuid4().hex)
 
     def upload_parts(self, parts: Mapping[str, Part], idempotency_key: str) -> dict[str, Any]:
-        """Store a demonstration that is already encoded as the parts of `POST /episodes`.
-
-        Args:
-            idempotency_key: the same key with the same content stores the demonstration only once.
-        """
+        """Store a demonstration encoded as the parts of `POST /episodes`; the same key and content only once."""
         return self._ask("POST", "/episodes", files=parts, headers={"Idempotency-Key": idempotency_key})
 
     def edit_episode(self, /, episode_id: str, **changes: Any) -> dict[str, Any]:  # noqa: ANN401
@@ -208,8 +195,7 @@ class RoboPromptClient:
     def check(self, task: str, model: str | None = None) -> dict[str, Any]:
         """Return how well each demonstration of a task follows from the others, see `GET /tasks/{name}/check`.
 
-        Args:
-            model: an LLM to ask as well; it takes some seconds for each demonstration.
+        A `model` is asked as well; it takes some seconds for each demonstration.
         """
         asked = {} if model is None else {"model": model}
         return self._ask("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
@@ -217,13 +203,9 @@ class RoboPromptClient:
     def learn_object_models(
         self, task: str, objects: Sequence[str] | None = None, episodes: int = 10
     ) -> dict[str, Any]:
-        """Let the service learn from labeled episodes what the task's objects look like.
+        """Let the service learn from at most so many labeled episodes what objects (None: all) of a task look like.
 
         Return `object_models`, and in `refused` by object why nothing was learned.
-
-        Args:
-            objects: names; None: all.
-            episodes: how many of the task's episodes to learn from at most, the oldest first.
         """
         asked = {"objects": None if objects is None else list(objects), "episodes": episodes}
         return self.post(f"/tasks/{task}/object_models/learn", asked)
@@ -237,22 +219,15 @@ class RoboPromptClient:
         frames: Sequence[RgbdFrame] = (),
         **where: Any,  # noqa: ANN401
     ) -> dict[str, Any]:
-        """Label an object in pictures, see `POST /tasks/{name}/labels`; return the label.
+        """Label an object in an episode's first pictures or in frames (`POST /tasks/{name}/labels`); return the label.
 
-        Args:
-            episode_id: of the episode whose first pictures are labeled; or:
-            frames: pictures with color and depth.
-            where: `clicks`, `polygons` or `mask_ids`, and `yaw_deg`.
+        `where` has `clicks`, `polygons` or `mask_ids`, and `yaw_deg`.
         """
         return self.post(f"/tasks/{task}/labels", {"object": name, "episode_id": episode_id, **where}, frames)
 
     def learn_from_labels(self, task: str, name: str, symmetric: str | float = "none") -> dict[str, Any]:
         """Let the service learn what a labeled object looks like, see `POST /tasks/{name}/labels/learn`.
 
-        Args:
-            symmetric: "none", "yaw" if it looks the same from all sides, or the angle in degrees after which it does.
-
-        Raises:
-            ServiceProblemError: also if the labels are too few or disagree.
+        `symmetric` is "none", "yaw" if it looks the same from all sides, or the angle in degrees after which it does.
         """
         return self.post(f"/tasks/{task}/labels/learn", {"object": name, "symmetric": symmetric})

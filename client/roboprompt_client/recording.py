@@ -10,7 +10,7 @@ import time
 from collections.abc import Mapping, Sequence
 from itertools import count
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 from uuid import uuid4
 
 import numpy as np
@@ -41,16 +41,8 @@ class Progress(NamedTuple):
         return (self.frames - 1) / self.elapsed_s if self.elapsed_s else 0.0
 
 
-class HasState(Protocol):
-    """A robot that can be recorded, such as an `Arm`."""
-
-    def state(self) -> ArmState:
-        """Return the arm's present state in the world frame; called from another thread."""
-        ...
-
-
 class Recorder:
-    """Samples an arm in a thread.
+    """Samples the `state` of an `Arm`, or of another robot that has one (`ArmState`, world frame), in a thread.
 
         recorder = Recorder(arm)
         recorder.start()
@@ -64,7 +56,7 @@ class Recorder:
         InvalidInputError: for a rate out of range.
     """
 
-    def __init__(self, arm: HasState, rate_hz: float = RATE_HZ) -> None:
+    def __init__(self, arm: Any, rate_hz: float = RATE_HZ) -> None:  # noqa: ANN401
         self._arm, self._period_s = arm, 1 / checked_rate_hz(rate_hz)
         self._samples: list[tuple[float, ArmState]] = []
         self._ended = threading.Event()
@@ -156,14 +148,9 @@ def _gripper(states: Sequence[ArmState]) -> dict[str, Any]:
 def write_recording(
     parent: Path, metadata: Mapping[str, Any], trajectory: Trajectory, observation: Observation
 ) -> Path:
-    """Write a recording that has ended; return its folder, which appears when all of it is written.
+    """Write a recording that has ended; return its folder in `parent`, which appears when all of it is written.
 
-    Args:
-        parent: the folder in which it gets a folder of its own.
-        metadata: task, instruction ...; objects and cameras are added.
-
-    Raises:
-        InvalidInputError: if it cannot be written, such as on a full disk.
+    Objects and cameras are added to `metadata`. Raises InvalidInputError if it cannot be written, as on a full disk.
     """
     folder = parent / uuid4().hex
     begun = folder.with_suffix(".part")
@@ -180,9 +167,7 @@ def write_recording(
 def upload_recording(client: RoboPromptClient, folder: Path) -> dict[str, Any]:
     """Upload a recording, and return the service's description of it; sent again, it is stored once.
 
-    Raises:
-        InvalidInputError: if the folder is not a finished recording.
-        ServiceProblemError, ServiceUnreachableError: if the service refuses it or does not answer.
+    Raises InvalidInputError if the folder is not a finished recording.
     """
     files = [file for file in sorted(folder.iterdir()) if file.suffix in CONTENT_TYPES] if folder.is_dir() else []
     parts: dict[str, Part] = {file.stem: (file.name, file.read_bytes(), CONTENT_TYPES[file.suffix]) for file in files}

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from roboprompt_client.cameras.rig import Intrinsics, Picture
 from roboprompt_client.errors import CameraError, InvalidInputError
@@ -33,7 +34,7 @@ class FrameFolder:
 
     def __init__(self, folder: str, *, recorded: bool = False) -> None:
         self._cv2 = import_extra("cv2", "opencv-python-headless", "images")
-        self._folder, self.recorded = Path(folder), recorded
+        self._folder, self._recorded, self._last = Path(folder), recorded, ""
         try:
             document = json.loads((self._folder / CALIBRATION).read_text())
             self._intrinsics = Intrinsics.from_json(f"{CALIBRATION}: intrinsics", document["intrinsics"])
@@ -43,19 +44,17 @@ class FrameFolder:
         except (OSError, ValueError, KeyError, TypeError) as error:
             remedy = f"a folder with {CALIBRATION}: intrinsics, depth_scale"
             raise InvalidInputError("folder", f"{folder}: {error!r}", remedy) from error
-        self._last = ""
 
     def read(self) -> Picture:
-        color = self._next() if self.recorded else self._newest(time.time())
-        taken_s = time.time() if self.recorded else color.stat().st_mtime
+        color = self._next() if self._recorded else self._newest(time.time())
+        taken_s = time.time() if self._recorded else color.stat().st_mtime
         self._last = color.name
         bgr = self._cv2.imread(str(color), self._cv2.IMREAD_COLOR | self._cv2.IMREAD_IGNORE_ORIENTATION)
         if bgr is None:
             raise CameraError(f"{color} is not an image", "a PNG or JPEG")
         depth = color.with_name(color.stem.removesuffix(COLOR) + DEPTH)
         depth_m = self._depth_m(depth) if depth.exists() else None
-        rgb = np.ascontiguousarray(bgr[..., ::-1])
-        return Picture(rgb, depth_m, self._intrinsics, taken_s, self._depth_scale)
+        return Picture(np.ascontiguousarray(bgr[..., ::-1]), depth_m, self._intrinsics, taken_s, self._depth_scale)
 
     def close(self) -> None:
         """Do nothing."""
@@ -72,16 +71,14 @@ class FrameFolder:
     def _newest(self, asked_s: float) -> Path:
         end_s = time.monotonic() + MAX_WAIT_S
         while time.monotonic() < end_s:
-            frames = self._frames()
-            if frames and frames[-1].stat().st_mtime >= asked_s:
+            if (frames := self._frames()) and frames[-1].stat().st_mtime >= asked_s:
                 return frames[-1]
             time.sleep(POLL_S)
         remedy = 'a program that writes frames; for recorded ones the option "recorded": true'
         raise CameraError(f"no frame came into {self._folder} within {MAX_WAIT_S:g} s", remedy)
 
-    def _depth_m(self, path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    def _depth_m(self, path: Path) -> npt.NDArray[np.float32]:
         units = self._cv2.imread(str(path), self._cv2.IMREAD_UNCHANGED)
         if units is None or units.dtype != np.uint16 or units.ndim != 2:
             raise CameraError(f"{path} is not a depth image", f"a 16-bit PNG in units of {self._depth_scale:g} m")
-        depth_m: np.ndarray[tuple[int, ...], np.dtype[np.float32]] = units.astype(np.float32) * self._depth_scale
-        return depth_m.astype(np.float32)
+        return np.asarray(units.astype(np.float32) * self._depth_scale, np.float32)

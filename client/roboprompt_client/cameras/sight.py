@@ -1,7 +1,8 @@
-"""What the cameras see, as text tables and as a page: the table top in each picture, and the objects' poses."""
+"""What the cameras see, as tables of text and as a page: the table top in each picture, and the objects' poses."""
 
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from html import escape
 from typing import Any, NamedTuple
@@ -23,9 +24,7 @@ OBJECT_COLUMNS = ("object", "position, m", "yaw", "confidence", "seen by")
 AXIS_M = 0.05
 AXIS_COLORS = ("#e5342b", "#2b9e3f", "#2f6fe4")
 STYLE = (
-    "body{font:15px/1.5 system-ui,sans-serif;margin:2em auto;max-width:1000px;padding:0 1em}"
-    "svg{width:100%;max-width:640px;display:block}table{border-collapse:collapse;margin:1em 0}"
-    "td,th{text-align:left;padding:.2em .8em;border-bottom:1px solid #ccc}.doubt{color:#a40000;font-weight:600}"
+    "body{font:15px/1.5 system-ui,sans-serif;margin:2em}svg{width:100%;max-width:640px;display:block}"
     "text{font:600 14px system-ui,sans-serif;paint-order:stroke;stroke:#000;stroke-width:3px;fill:#fff}"
     "figure{display:inline-block;margin:0 1em 1em 0;width:min(100%,480px)}"
 )
@@ -86,23 +85,16 @@ class Sight:
 
 
 def _find(client: RoboPromptClient, frames: Sequence[RgbdFrame], name: str, model: Mapping[str, Any]) -> SeenObject:
+    """Return where the object is, or why it is not found, and whether it is with red and blue exchanged."""
     try:
-        (pose,) = client.find_poses(frames, {name: model})
+        return SeenObject(name, client.find_poses(frames, {name: model})[0], "")
     except ServiceProblemError as error:
-        return SeenObject(
-            name, None, f"{error.problem.get('detail') or error}{_color_hint(client, frames, name, model)}"
-        )
-    return SeenObject(name, pose, "")
-
-
-def _color_hint(client: RoboPromptClient, frames: Sequence[RgbdFrame], name: str, model: Mapping[str, Any]) -> str:
-    """Return a hint if the object is found after swapping red and blue, else an empty text."""
+        problem = str(error.problem.get("detail") or error)
     swapped = [replace(frame, rgb=frame.rgb[..., ::-1].copy()) for frame in frames if frame.rgb is not None]
-    try:
+    with suppress(ServiceProblemError):
         client.find_poses(swapped, {name: model})
-    except ServiceProblemError:
-        return ""
-    return "; it is found with red and blue swapped: the camera's driver has them in the wrong order"
+        problem += "; it is found with red and blue swapped: the camera's driver has them in the wrong order"
+    return SeenObject(name, None, problem)
 
 
 def _camera_row(frame: RgbdFrame, table: FlatSurface | None) -> tuple[str, ...]:
@@ -125,30 +117,16 @@ def _object_row(found: SeenObject) -> tuple[str, ...]:
     return found.name, place, yaw, f"{pose.confidence:.2f}", ", ".join(pose.cameras)
 
 
-def sight_page(sight: Sight) -> str:
-    """Return an HTML page: the pictures with the objects drawn in, and the tables.
+def sight_page(sight: Sight, said: str) -> str:
+    """Return an HTML page: the pictures with the objects drawn in, and what was said of them as text.
 
     Raises:
         InvalidInputError: if OpenCV, which encodes the pictures, is not installed.
     """
-    poses = [found.pose for found in sight.objects if found.pose is not None]
-    doubts = "".join(f'<p class="doubt">{escape(doubt)}</p>' for doubt in sight.doubts())
-    figures = "".join(_figure(frame, poses) for frame in sight.frames)
-    tables = "".join(_table(*rows) for rows in (sight.object_rows(), sight.camera_rows()))
+    figures = "".join(_figure(frame, [found.pose for found in sight.objects if found.pose]) for frame in sight.frames)
     head = f'<meta charset="utf-8"><title>What the cameras see</title><style>{STYLE}</style>'
-    return f'<!doctype html><html lang="en">{head}<h1>What the cameras see</h1>{doubts}{figures}{tables}</html>\n'
-
-
-def _table(columns: Sequence[str], *rows: Sequence[str]) -> str:
-    head = "".join(f"<th>{escape(name)}</th>" for name in columns)
-    body = "".join(f"<tr>{''.join(_cells(row, len(columns)))}</tr>" for row in rows)
-    return f"<table><tr>{head}</tr>{body}</table>"
-
-
-def _cells(row: Sequence[str], columns: int) -> Iterable[str]:
-    *cells, last = map(escape, row)
-    yield from (f"<td>{cell}</td>" for cell in cells)
-    yield f'<td colspan="{columns - len(cells)}">{last}</td>'
+    title = "<h1>What the cameras see</h1>"
+    return f'<!doctype html><html lang="en">{head}{title}{figures}<pre>{escape(said)}</pre></html>\n'
 
 
 def _figure(frame: RgbdFrame, poses: Iterable[ObjectPose]) -> str:
@@ -158,10 +136,8 @@ def _figure(frame: RgbdFrame, poses: Iterable[ObjectPose]) -> str:
     png = import_extra("cv2", "opencv-python-headless", "images").imencode(".png", frame.rgb[..., ::-1])[1].tobytes()
     address = f"data:image/png;base64,{b64encode(png).decode()}"
     picture = f'<image href="{address}" width="{width_px}" height="{height_px}"/>'
-    marks = "".join(_mark(frame, pose) for pose in poses)
-    name = escape(frame.camera.name)
-    box = f'viewBox="0 0 {width_px} {height_px}"'
-    return f"<figure><svg {box}>{picture}{marks}</svg><figcaption>{name}</figcaption></figure>"
+    drawn = f'<svg viewBox="0 0 {width_px} {height_px}">{picture}{"".join(_mark(frame, pose) for pose in poses)}</svg>'
+    return f"<figure>{drawn}<figcaption>{escape(frame.camera.name)}</figcaption></figure>"
 
 
 def _mark(frame: RgbdFrame, pose: ObjectPose) -> str:

@@ -29,9 +29,6 @@ def run_look(client: RoboPromptClient, arguments: Namespace) -> int:
     with seeing_arm(arguments.robot) as arm:
         assert arm.cameras is not None
         sight, table = Sight.of(client, arm.frames(), models), arm.cameras.table
-    say(in_columns(sight.camera_rows()))
-    if models:
-        say("\n" + in_columns(sight.object_rows()))
     doubts = sight.doubts()
     if arguments.remember and not doubts:
         path = Path(arguments.robot)
@@ -39,11 +36,12 @@ def run_look(client: RoboPromptClient, arguments: Namespace) -> int:
         say(f"the table's place is written to {path}")
     elif table is not None:
         doubts += _bumped(table, sight)
-    for doubt in doubts:
-        say(f"! {doubt}")
+    tables = [sight.camera_rows(), *([sight.object_rows()] if models else [])]
+    said = "\n\n".join(map(in_columns, tables)) + "".join(f"\n! {doubt}" for doubt in doubts)
+    say(said)
     if arguments.html is not None:
         try:
-            arguments.html.write_text(sight_page(sight))
+            arguments.html.write_text(sight_page(sight, said))
         except OSError as error:
             raise InvalidInputError("--html", f"{arguments.html} cannot be written: {error}", "a file") from error
     return int(bool(doubts) or any(found.pose is None for found in sight.objects))

@@ -9,6 +9,7 @@ from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
+from typing import Any
 
 from roboprompt_client.arms.arm import Arm
 from roboprompt_client.arms.driver import Guidable
@@ -37,7 +38,6 @@ from roboprompt_client.errors import (
 )
 from roboprompt_client.recording import (
     RATE_HZ,
-    HasState,
     Progress,
     Recorder,
     checked_rate_hz,
@@ -145,7 +145,7 @@ def _record_one(client: RoboPromptClient, robot: Robot, options: Namespace, corr
     except CameraError as error:
         say(str(error))
         return 1
-    trajectory = record_live(robot, options.rate_hz, guide=options.guide)  # type: ignore[arg-type]  # it has `state`
+    trajectory = record_live(robot, options.rate_hz, guide=options.guide)
     if trajectory is None:
         return 0
     metadata = {"task": options.task, "instruction": options.instruction, "corrects": corrects}
@@ -178,20 +178,13 @@ def _upload(client: RoboPromptClient, folder: Path) -> int:
     return 0
 
 
-def record_live(arm: HasState, rate_hz: float, *, guide: bool = False) -> Trajectory | None:
-    """Record until the person ends it; keys open and close the gripper, and a line shows the progress.
+def record_live(arm: Any, rate_hz: float, *, guide: bool = False) -> Trajectory | None:  # noqa: ANN401
+    """Return what was recorded until the person ends it, or None if they discard it.
 
-    Args:
-        guide: let the arm yield to the person's hand.
-
-    Returns:
-        the recording, or None if the person discards it.
-
-    Raises:
-        InvalidInputError: if the recording is invalid.
-        MotionError, KeyboardInterrupt: if arm or person broke it off.
+    Keys open and close the gripper, and a line shows the progress. With `guide` the arm yields to the person's hand.
+    Raises MotionError or KeyboardInterrupt if arm or person broke it off.
     """
-    with arm.guided() if guide else nullcontext():  # type: ignore[attr-defined]  # see `_can_be_guided`
+    with arm.guided() if guide else nullcontext():
         recorder = Recorder(arm, rate_hz)
         recorder.start()
         try:
@@ -206,7 +199,7 @@ def record_live(arm: HasState, rate_hz: float, *, guide: bool = False) -> Trajec
     return trajectory if keep else None
 
 
-def _until_ended(arm: HasState, recorder: Recorder) -> bool:
+def _until_ended(arm: Any, recorder: Recorder) -> bool:  # noqa: ANN401
     """Serve the person's keys until they end the recording; return whether they keep it."""
     _show(f"{KEYS}\n")
     with keyboard() as pressed:

@@ -133,9 +133,10 @@ def checked_bound(field: str, value: object, most: float = math.inf, *, zero: bo
     """Return a finite number above 0 (with `zero`: or 0) and at most `most`, else raise InvalidInputError."""
     number = _number(value)
     if number is None or not (number >= 0 if zero else number > 0) or number > most:
-        least = "at least 0" if zero else "above 0"
         upper = "" if math.isinf(most) else f" and at most {most:g}"
-        raise InvalidInputError(field, f"is {value!r:.80}", f"a finite number {least}{upper}")
+        raise InvalidInputError(
+            field, f"is {value!r:.80}", f"a finite number {'at least' if zero else 'above'} 0{upper}"
+        )
     return number
 
 
@@ -163,8 +164,7 @@ def _box(field: str, value: object) -> Box:
 
 
 def _boxes(bounds: Mapping[str, Any]) -> tuple[Box, ...]:
-    boxes = bounds.get("keep_out", [])
-    if not isinstance(boxes, list):
+    if not isinstance(boxes := bounds.get("keep_out", []), list):
         raise InvalidInputError("motion_limits.keep_out", f"is {boxes!r:.80}", "a list of boxes with min and max")
     return tuple(_box(f"motion_limits.keep_out[{k}]", box) for k, box in enumerate(boxes))
 

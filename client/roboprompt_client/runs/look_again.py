@@ -20,10 +20,9 @@ from roboprompt_client.answers import PredictedActions
 from roboprompt_client.client import RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, ObjectLostError, ServiceProblemError
 from roboprompt_client.robot import Observation, Robot
-from roboprompt_client.runs.reanchoring import MOVED_M, has_moved, reanchored
-from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
+from roboprompt_client.runs.reanchoring import MOVED_M, Poses, has_moved, reanchored
+from roboprompt_client.types.poses import EndEffectorAction
 
-Poses = Mapping[str, ObjectPose]
 Check = Callable[[tuple[EndEffectorAction, ...]], None]
 
 

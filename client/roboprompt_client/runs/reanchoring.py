@@ -12,6 +12,7 @@ from roboprompt_client.types import quaternions as rotations
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
+Poses = Mapping[str, ObjectPose]  # by object name
 OBJECT_FRAMES = ("w", "o", "ow", "wo")
 FRAMES = (*OBJECT_FRAMES, "world", "start")
 UPRIGHT_RAD = math.radians(0.5)  # a frame that leans less is rotated about the vertical only
@@ -47,23 +48,17 @@ class ActionAnchor:
 
 
 def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | None:
-    """Return the anchor of an action of the service's answer; None if it has none.
-
-    Raises:
-        UnsafeActionError: if the anchor is malformed.
-    """
+    """Return the anchor of an action of the service's answer, or None; raises UnsafeActionError if it is malformed."""
     if (item := action.get("anchor")) is None:
         return None
     try:
-        name, frame = item["object"], item["frame"]
+        name, frame, toward, share = item["object"], item["frame"], item.get("toward"), float(item.get("share", 1.0))
         along = {"xyz".index(axis): other for axis, other in item.get("along", {}).items()}
         offset_m, rotation_xyzw = np.array(item["offset_m"], float), np.array(item["rotation_xyzw"], float)
         valid = frame in FRAMES and (isinstance(name, str) if frame in OBJECT_FRAMES else name is None)
-        valid = valid and offset_m.shape == (3,) and bool(np.isfinite(offset_m).all())
+        valid = valid and offset_m.shape == (3,) and bool(np.isfinite(offset_m).all()) and 0 < share <= 1
         valid = valid and rotation_xyzw.shape == (4,) and abs(float(np.linalg.norm(rotation_xyzw)) - 1) < 1e-2
-        valid = valid and isinstance(toward := item.get("toward"), str | None)
-        valid = valid and all(other is None or isinstance(other, str) for other in along.values())
-        valid = valid and 0 < (share := float(item.get("share", 1.0))) <= 1
+        valid = valid and all(other is None or isinstance(other, str) for other in (toward, *along.values()))
     except (AttributeError, KeyError, TypeError, ValueError):
         valid = False
     if not valid:
@@ -74,8 +69,8 @@ def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | No
 def reanchored(
     actions: Sequence[EndEffectorAction],
     anchors: Sequence[ActionAnchor | None],
-    before: Mapping[str, ObjectPose],
-    now: Mapping[str, ObjectPose],
+    before: Poses,
+    now: Poses,
     yaw_symmetry_deg: Mapping[str, float],
 ) -> tuple[EndEffectorAction, ...]:
     """Return the actions; those that refer to moved objects are moved along, the others are the same instances.
@@ -85,16 +80,16 @@ def reanchored(
 
     Args:
         anchors: of each action; an action without an anchor stays.
-        before: by object name, the poses for which the actions are right.
-        now: by object name, the poses to follow; an object that is missing in either is not followed.
+        before: the poses for which the actions are right.
+        now: the poses to follow; an object that is missing in either is not followed.
     """
     followed = []
     for action, anchor in zip(actions, anchors, strict=True):
         name = "" if anchor is None or anchor.object_name is None else anchor.object_name
         if anchor is None or name not in before or name not in now:
             followed.append(action)
-            continue
-        followed.append(_moved_along(action, anchor, before, now, yaw_symmetry_deg.get(name)))
+        else:
+            followed.append(_moved_along(action, anchor, before, now, yaw_symmetry_deg.get(name)))
     return tuple(followed)
 
 
@@ -102,16 +97,11 @@ def has_moved(old: ObjectPose, new: ObjectPose, yaw_symmetry_deg: float | None) 
     """Return whether an object has another position, or another rotation that its symmetry does not explain."""
     if float(np.linalg.norm(new.position_m - old.position_m)) > MOVED_M:
         return True
-    was, is_ = _axes(old, new, yaw_symmetry_deg)
-    return math.degrees(rotations.angle_between_rad(was, is_)) > MOVED_DEG
+    return math.degrees(rotations.angle_between_rad(*_axes(old, new, yaw_symmetry_deg))) > MOVED_DEG
 
 
 def _moved_along(
-    action: EndEffectorAction,
-    anchor: ActionAnchor,
-    before: Mapping[str, ObjectPose],
-    now: Mapping[str, ObjectPose],
-    symmetry_deg: float | None,
+    action: EndEffectorAction, anchor: ActionAnchor, before: Poses, now: Poses, symmetry_deg: float | None
 ) -> EndEffectorAction:
     old, new = (objects[str(anchor.object_name)] for objects in (before, now))
     new = new if has_moved(old, new, symmetry_deg) else old
@@ -134,9 +124,7 @@ def _moved_along(
     return EndEffectorAction(to_m + offset_m, turned, action.gripper_open)
 
 
-def _origin_m(
-    anchor: ActionAnchor, pose: ObjectPose, objects: Mapping[str, ObjectPose], others: Mapping[str, ObjectPose]
-) -> Array:
+def _origin_m(anchor: ActionAnchor, pose: ObjectPose, objects: Poses, others: Poses) -> Array:
     """Return what positions are relative to, (3,): along some axes another object, or the world where there is none.
 
     Args:
