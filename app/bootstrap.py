@@ -3,9 +3,7 @@
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncIterator, Callable
-from datetime import timedelta
-from functools import partial
+from collections.abc import AsyncIterator
 
 from fastapi import FastAPI
 
@@ -18,7 +16,6 @@ from app.services.container import Services
 from app.services.offered_models import OfferedModels
 from app.services.poses import PoseServers
 from app.settings import Settings
-from app.store.erasure import keep_house
 from app.store.store import SWEEP_GRACE, Store
 from app.web.routes import install_pages
 from roboprompt_client.errors import RoboPromptError
@@ -26,7 +23,7 @@ from roboprompt_client.version import VERSION
 
 DEFAULT_RATE_PER_S = 20.0
 MEGABYTE = 1_000_000
-HOUSEKEEPING_S = SWEEP_GRACE.total_seconds() + 60
+SWEEP_EVERY_S = SWEEP_GRACE.total_seconds() + 60
 
 logger = logging.getLogger(__name__)
 
@@ -54,7 +51,7 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         PoseServers(settings.pose_servers),
         num_warm_tasks=settings.embedded_slots,
     )
-    background: list[asyncio.Task[object]] = [asyncio.create_task(_keep_house(store, settings))]
+    background: list[asyncio.Task[object]] = [asyncio.create_task(_sweep(store))]
     if settings.warm_up:
         background.append(asyncio.create_task(services.prefix_warmer.run()))
     try:
@@ -66,24 +63,19 @@ async def open_services(settings: Settings) -> AsyncIterator[Services]:
         await services.aclose()
 
 
-async def _keep_house(store: Store, settings: Settings) -> None:
-    """Delete what the settings do not keep now and every hour, until cancelled."""
-    days = settings.keep_predictions_days
-    max_age = None if days is None else timedelta(days=days)
+async def _sweep(store: Store) -> None:
+    """Remove images that nothing refers to, now and every hour, until cancelled.
+
+    An error is logged: the next attempt must not wait for a restart.
+    """
     while True:
-        await _tried("housekeeping", partial(keep_house, store, max_age))
-        await asyncio.sleep(HOUSEKEEPING_S)
-
-
-async def _tried(what: str, work: Callable[[], int]) -> int:
-    """Return what `work` does in a thread. An error is logged: the next attempt must not wait for a restart."""
-    try:
-        return await asyncio.to_thread(work)
-    except RoboPromptError as error:
-        logger.warning("%s: %s", what, error)
-    except Exception:  # e.g. no memory
-        logger.exception(what)
-    return 0
+        try:
+            await asyncio.to_thread(store.sweep_once)
+        except RoboPromptError as error:
+            logger.warning("sweep: %s", error)
+        except Exception:  # e.g. no memory
+            logger.exception("sweep")
+        await asyncio.sleep(SWEEP_EVERY_S)
 
 
 def access_for(settings: Settings) -> Access:

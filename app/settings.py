@@ -37,8 +37,6 @@ class Settings(LlmSettings, BaseSettings):
     """JSON list of URL prefixes that `remote` may send images to; empty: this machine only"""
     allowed_models: tuple[str, ...] = ()
     """JSON list of models that requests may use besides the default, e.g. `["openai/gpt-4o*"]`; empty: any"""
-    keep_predictions_days: Annotated[float | None, Field(gt=0)] = None
-    """age at which predictions are deleted with their images; empty: never"""
     warm_up: bool = True
     """start the embedded LLM at start-up and let it read prefixes before they are asked for"""
 

@@ -10,7 +10,7 @@ import os
 import re
 import time
 from collections.abc import Iterable, Iterator, Set
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from datetime import timedelta
 from itertools import chain
 from pathlib import Path
@@ -37,10 +37,6 @@ class BlobStore(Protocol):
 
     def read(self, digest: str) -> bytes:
         """The bytes of that digest; raises CorruptDataError if they are gone or no longer match it."""
-        ...
-
-    def sizes(self) -> dict[str, int]:
-        """The number of bytes of every blob, by digest."""
         ...
 
     def sweep(self, referenced: Set[str], older_than: timedelta) -> int:
@@ -86,14 +82,6 @@ class FileBlobStore:
         if hashlib.sha256(data).hexdigest() != digest:
             raise CorruptDataError("blob", digest, "its bytes do not match the digest")
         return data
-
-    def sizes(self) -> dict[str, int]:
-        found: dict[str, int] = {}
-        with disk_errors("blob storage"):
-            for path in self._root.glob("??/??/*"):
-                with suppress(FileNotFoundError):  # renamed to its digest, or swept
-                    found[path.name] = path.stat().st_size
-        return found
 
     def sweep(self, referenced: Set[str], older_than: timedelta) -> int:
         limit = time.time() - older_than.total_seconds()

@@ -60,11 +60,6 @@ class ObjectBlobStore:
             raise CorruptDataError("blob", digest, "its bytes do not match the digest")
         return data
 
-    def sizes(self) -> dict[str, int]:
-        with _errors():
-            items = (item for chunk in obstore.list(self._store) for item in chunk)
-            return {item["path"].rpartition("/")[2]: item["size"] for item in items}
-
     def sweep(self, referenced: Set[str], older_than: timedelta) -> int:
         limit, removed = datetime.now(UTC) - older_than, 0
         with _errors():

@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 from typing import Any
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, insert, select, update
+from sqlalchemy import Connection, Row, delete, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from app.store import tables
@@ -47,6 +47,12 @@ def record_outcome(connection: Connection, prediction_id: str, success: bool, no
     values = {"outcome_success": success, "outcome_note": note, "outcome_at": datetime.now(UTC)}
     connection.execute(update(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id).values(values))
     return get(connection, prediction_id)
+
+
+def remove(connection: Connection, prediction_id: str) -> None:
+    """Delete a prediction with its outcome; an episode that carried it out keeps its id. Raises NotFoundError."""
+    if connection.execute(delete(_PREDICTIONS).where(_PREDICTIONS.c.id == prediction_id)).rowcount == 0:
+        raise NotFoundError("prediction", prediction_id)
 
 
 def _record(row: Row[Any]) -> PredictionRecord:

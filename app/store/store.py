@@ -2,7 +2,6 @@
 
 import fcntl
 import time
-from collections.abc import Callable
 from contextlib import AbstractContextManager
 from datetime import timedelta
 from pathlib import Path
@@ -91,8 +90,8 @@ class Store:
             referenced = blob_digests(connection)
         return self.blobs.sweep(referenced, older_than)
 
-    def sweep_once(self, first: Callable[[], None] = lambda: None) -> int:
-        """`sweep`, after `first`, unless another process of this data folder does it or has done it within the hour."""
+    def sweep_once(self) -> int:
+        """`sweep`, unless another process of this data folder does it or has done it within the hour."""
         path = self._data_dir / ".swept"
         with disk_errors("data folder"), open(path, "a+", opener=private_opener) as note:
             try:
@@ -101,7 +100,6 @@ class Store:
                 return 0
             if 0 <= time.time() - _written_s(note) < SWEEP_GRACE.total_seconds():
                 return 0
-            first()
             removed = self.sweep()
             note.truncate(0)
             note.write(str(time.time()))

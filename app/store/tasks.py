@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, bindparam, func, select, update
+from sqlalchemy import Connection, bindparam, delete, func, select, update
 from sqlalchemy.dialects.postgresql import insert as postgresql_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
@@ -88,6 +88,19 @@ def change(connection: Connection, name: str, values: Mapping[str, Any]) -> None
 def rewrite(connection: Connection, name: str) -> None:
     """Write the task's row as it is: fails where nothing can be written."""
     connection.execute(update(_TASKS).where(_TASKS.c.name == name).values(name=_TASKS.c.name))
+
+
+def remove(connection: Connection, name: str) -> None:
+    """Delete a task with its episodes, predictions and labels; raises NotFoundError.
+
+    Images stay until nothing refers to them, see `Store.sweep`.
+    """
+    # A request that adds an episode or a prediction waits, and then finds no task.
+    if connection.execute(select(_TASKS.c.name).where(_TASKS.c.name == name).with_for_update()).first() is None:
+        raise NotFoundError("task", name)
+    for table in (tables.predictions, tables.episodes, tables.labels):
+        connection.execute(delete(table).where(table.c.task == name))
+    connection.execute(delete(_TASKS).where(_TASKS.c.name == name))
 
 
 def num_episodes(connection: Connection) -> dict[str, int]:

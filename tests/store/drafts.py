@@ -117,3 +117,8 @@ def predict(store, draft):
     with store.write() as connection:
         tasks.get_or_create(connection, draft.task, SETTINGS)
         return predictions.add(connection, draft)
+
+
+def blobs_of(store):
+    """The digests of the images in a store's folder."""
+    return {path.name for path in (store._data_dir / "blobs").glob("??/??/*")}

@@ -12,7 +12,7 @@ from app.store.errors import StoreUnavailableError
 from app.store.labels import LabelRecord
 from app.store.store import Store, blob_digests
 
-from .drafts import SETTINGS, TASK, camera_record, episode_draft, read, upload, write
+from .drafts import SETTINGS, TASK, blobs_of, camera_record, episode_draft, read, upload, write
 
 AT_ONCE = timedelta(0)
 # Uploads without end; says after each commit which episode is safe. Every third time it stops before the commit.
@@ -101,14 +101,17 @@ def test_sweep_keeps_masks_and_templates(store):
         labels.add(connection, LabelRecord(TASK, "drawer", (camera_record(mask_digest=mask),), {"front": 7}, 30.0))
     assert read(store, blob_digests) == {mask, template}
     assert store.sweep(AT_ONCE) == 1
-    assert orphan not in store.blobs.sizes()
+    assert orphan not in blobs_of(store)
 
 
 @pytest.mark.parametrize("damaged", ["\0" * 17, "17a", "99999999999.0"])
-def test_a_damaged_note_of_the_last_sweep_does_not_end_sweeping(store, tmp_path, damaged):
-    folder = store._data_dir
-    (folder / ".swept").write_text(damaged)
-    begun = []
-    store.sweep_once(lambda: begun.append(1))
-    store.sweep_once(lambda: begun.append(2))
-    assert begun == [1]
+def test_a_damaged_note_of_the_last_sweep_does_not_end_sweeping(store, monkeypatch, damaged):
+    (store._data_dir / ".swept").write_text(damaged)
+    monkeypatch.setattr(store, "sweep", lambda: 7)
+    assert [store.sweep_once(), store.sweep_once()] == [7, 0]
+
+
+def test_a_disk_that_refuses_the_note_of_a_sweep_is_an_error_of_the_store(store):
+    (store._data_dir / ".swept").mkdir()
+    with pytest.raises(StoreUnavailableError):
+        store.sweep_once()

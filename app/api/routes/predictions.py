@@ -11,7 +11,7 @@ from app.api.routes import Wired, problems
 from app.api.schemas.lists import PredictionsQuery
 from app.api.schemas.predictions import PlanOut, PredictionPage, StoredPrediction
 from app.api.schemas.requests import OutcomeBody, PlanBody
-from app.store import erasure, predictions
+from app.store import predictions
 
 router = APIRouter(tags=["predictions"], route_class=StrictJsonRoute)
 
@@ -42,7 +42,7 @@ def delete_prediction(services: Wired, prediction_id: str) -> Response:
     An episode that carried it out keeps its id.
     """
     with services.store.write() as connection:
-        erasure.erase_prediction(connection, prediction_id)
+        predictions.remove(connection, prediction_id)
     return Response(status_code=204)
 
 

@@ -23,7 +23,7 @@ from app.services.extract import reading
 from app.services.task_settings import TaskSettings
 from app.services.teach import learn
 from app.services.teach.learn import Tried, try_model
-from app.store import episodes, erasure, prediction_lists, tasks
+from app.store import episodes, prediction_lists, tasks
 from app.store.values import JsonObject
 
 _EXAMPLES: dict[str, Example] = {"press": {"value": examples.TASK}}
@@ -83,7 +83,7 @@ def delete_task(services: Wired, name: str) -> Response:
     Images that nothing else uses are deleted later. Requests under way for the task fail or create it again.
     """
     with services.store.write() as connection:
-        erasure.erase_task(connection, name)
+        tasks.remove(connection, name)
     return Response(status_code=204)
 
 

@@ -5,11 +5,11 @@ from datetime import timedelta
 import pytest
 from sqlalchemy import func, select
 
-from app.store import erasure, labels, predictions, tables, tasks
+from app.store import labels, predictions, tables, tasks
 from app.store.errors import NotFoundError
 from app.store.labels import LabelRecord
 
-from .drafts import TASK, camera_record, episode_draft, predict, prediction_draft, upload, write
+from .drafts import TASK, blobs_of, camera_record, episode_draft, predict, prediction_draft, upload, write
 
 OTHER = "close_jar"
 
@@ -24,8 +24,7 @@ def fill(store, task):
 
 
 def counts(store):
-    of_task = (tables.tasks, tables.episodes, tables.labels, tables.predictions)
-    listed = of_task
+    listed = (tables.tasks, tables.episodes, tables.labels, tables.predictions)
     with store.read() as connection:
         return {table.name: connection.scalar(select(func.count()).select_from(table)) for table in listed}
 
@@ -35,7 +34,7 @@ def test_a_task_goes_with_all_that_it_holds(store):
     alone = counts(store)
     fill(store, TASK)
     assert counts(store) == {name: 2 * number for name, number in alone.items()}
-    write(store, erasure.erase_task, TASK)
+    write(store, tasks.remove, TASK)
     assert counts(store) == alone
     with store.read() as connection:
         assert tasks.get(connection, OTHER).object_names == ("drawer", "cube")
@@ -43,23 +42,23 @@ def test_a_task_goes_with_all_that_it_holds(store):
 
 def test_what_was_under_way_for_a_deleted_task_is_refused(store):
     fill(store, TASK)
-    write(store, erasure.erase_task, TASK)
+    write(store, tasks.remove, TASK)
     with pytest.raises(NotFoundError, match=TASK), store.write() as connection:
         predictions.add(connection, prediction_draft())
     with pytest.raises(NotFoundError), store.write() as connection:
-        erasure.erase_task(connection, TASK)
+        tasks.remove(connection, TASK)
     assert set(counts(store).values()) == {0}
 
 
 def test_a_prediction_goes(store):
     gone, kept = predict(store, prediction_draft()), predict(store, prediction_draft())
-    write(store, erasure.erase_prediction, gone.id)
+    write(store, predictions.remove, gone.id)
     with store.read() as connection:
         assert predictions.get(connection, kept.id) == kept
         with pytest.raises(NotFoundError, match=gone.id):
             predictions.get(connection, gone.id)
     with pytest.raises(NotFoundError, match=gone.id), store.write() as connection:
-        erasure.erase_prediction(connection, gone.id)
+        predictions.remove(connection, gone.id)
 
 
 def test_images_that_others_have_stay(store):
@@ -67,9 +66,9 @@ def test_images_that_others_have_stay(store):
     upload(store, episode_draft(task=OTHER, cameras=(camera_record(rgb_digest=shared),)))
     for digest in (own, shared):
         predict(store, prediction_draft(cameras=(camera_record(rgb_digest=digest),)))
-    assert store.blobs.sizes() == {own: 3, shared: 6}
+    assert blobs_of(store) == {own, shared}
     assert store.sweep(timedelta(0)) == 0
-    write(store, erasure.erase_task, TASK)
+    write(store, tasks.remove, TASK)
     assert store.sweep(timedelta(hours=1)) == 0  # one of them may be part of an upload under way
     assert store.sweep(timedelta(0)) == 1
-    assert store.blobs.sizes() == {shared: 6}
+    assert blobs_of(store) == {shared}
