@@ -1,8 +1,7 @@
-"""Models by name: made at their first use, wrapped by `resilient`, kept while there is room, closed together."""
+"""Models by name: made at their first use, wrapped by `resilient`, closed together."""
 
 import asyncio
 import threading
-from collections import Counter, OrderedDict
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -11,17 +10,12 @@ from app.llm.backends import Backend, all_backends
 from app.llm.base import (
     LanguageModel,
     LanguageModelError,
-    ModelBusyError,
     ModelProfile,
     StartedModel,
     UnknownModelError,
 )
 from app.llm.llm_settings import LlmSettings
 from app.llm.resilient import NO_LIMITS, Places, ResilientModel
-
-# Names come from requests, and each model holds connections or a process: so many are kept beside those that backends
-# offer and the default one, which always have a place.
-MAX_MODELS = 32
 
 
 @dataclass(frozen=True)
@@ -43,71 +37,43 @@ class ModelRegistry:
     def __init__(self, settings: LlmSettings, backends: Mapping[str, Backend] | None = None) -> None:
         self._settings = settings
         self._backends = all_backends() if backends is None else backends
-        self._models: OrderedDict[str, ResilientModel] = OrderedDict()  # the one unused for longest first
+        self._models: dict[str, ResilientModel] = {}
         self._places: dict[str, Places] = {}
-        self._users: Counter[str] = Counter()
-        self._evicted: list[ResilientModel] = []  # not closed yet
         self._lock = threading.Lock()
         offered = (profile.name for profile in self._offered_profiles())
         self._reserved = frozenset((settings.default_model, *offered))
 
-    def get(self, name: str = "") -> LanguageModel:
+    def get(self, name: str = "") -> ResilientModel:
         """The model named `backend/model`, or the default one. Starts nothing.
 
-        It is kept until others need its place; a caller that waits for a reply calls `using`.
+        Names come from requests: only a model that is offered, or that starts, is kept.
 
         Raises:
             UnknownModelError: no backend or model of that name; lists those offered.
             ModelUnavailableError: something is missing; says what to install or set.
-            ModelBusyError: as many others as are kept are all in use.
-        """
-        return self._get(name or self._settings.default_model)
-
-    def profile(self, name: str = "") -> ModelProfile:
-        """Return the model's profile. Of models that are not in use, only the default one is kept.
-
-        Raises:
-            UnknownModelError, ModelUnavailableError.
         """
         name = name or self._settings.default_model
-        if name in self._models or name == self._settings.default_model:
-            return self._get(name).profile
-        return self._make(name).profile
+        with self._lock:
+            if name in self._models:
+                return self._models[name]
+            made = self._make(name)
+            if name in self._reserved or isinstance(made.model, StartedModel):
+                self._models[name] = made
+            return made
+
+    def profile(self, name: str = "") -> ModelProfile:
+        """Return the model's profile; raises as `get`."""
+        return self.get(name).profile
 
     @asynccontextmanager
     async def using(self, name: str) -> AsyncIterator[LanguageModel]:
         """The model, which stays open inside the block; raises as `get`."""
-        model = self._get(name, using=True)
+        model = self.get(name)
         try:
-            await self._close_evicted()
             yield model
         finally:
-            with self._lock:
-                self._users[name] -= 1
-                self._users += Counter()  # forget those that are not in use
-
-    def _get(self, name: str, *, using: bool = False) -> ResilientModel:
-        new = None if name in self._models else self._make(name)
-        with self._lock:
             if name not in self._models:
-                self._make_room(name)
-                self._models[name] = new or self._make(name)  # one model, whichever thread comes first
-            self._models.move_to_end(name)
-            self._users[name] += using
-            return self._models[name]
-
-    def _make_room(self, name: str) -> None:
-        kept = [] if name in self._reserved else [other for other in self._models if other not in self._reserved]
-        if len(kept) < MAX_MODELS:
-            return
-        if (idle := next((other for other in kept if not self._users[other]), None)) is None:
-            raise ModelBusyError(f"{MAX_MODELS} other models are in use at present", retryable=True, retry_after_s=1.0)
-        self._evicted.append(self._models.pop(idle))
-        self._places.pop(idle, None)
-
-    async def _close_evicted(self) -> None:
-        while self._evicted:
-            await self._evicted.pop().aclose()
+                await model.aclose()
 
     def profiles(self) -> list[OfferedModel]:
         """Every offered model, and the default one if it is not among them."""
@@ -117,17 +83,16 @@ class ModelRegistry:
             offered[profile.name] = OfferedModel(profile, available=True)
         return list(offered.values())
 
-    async def warm_up(self, name: str = "") -> bool:
-        """Start an embedded model before the first request needs it; returns whether it is one. Raises as `profile`."""
-        model = self._get(name or self._settings.default_model).model
+    async def warm_up(self) -> bool:
+        """Start the default model before the first request needs it; returns whether it starts. Raises as `get`."""
+        model = self.get().model
         if isinstance(model, StartedModel):
             await model.warm_up()
         return isinstance(model, StartedModel)
 
     async def aclose(self) -> None:
-        """Close every model that was made."""
-        models, self._models = [*self._models.values(), *self._evicted], OrderedDict()
-        self._evicted.clear()
+        """Close every model that is kept."""
+        models, self._models = self._models.values(), {}
         await asyncio.gather(*(model.aclose() for model in models))
 
     def _make(self, name: str) -> ResilientModel:

@@ -4,18 +4,19 @@ A provider's module says how its requests and events are written.
 Every error of httpx and every bad status is mapped to the tree of `base.py` here and nowhere else.
 """
 
-import asyncio
 import math
 import re
-from collections.abc import AsyncGenerator, AsyncIterator, Callable, Iterator, Mapping
-from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
+from collections.abc import AsyncGenerator, Callable, Iterator, Mapping
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
+from functools import cache
+from ssl import SSLContext
 from typing import Any
 
 import httpx
-from httpx_sse import EventSource, ServerSentEvent, SSEError, aconnect_sse
+from httpx_sse import EventSource, SSEError, aconnect_sse
 
 from app.llm.base import (
     CompletionRequest,
@@ -26,18 +27,12 @@ from app.llm.base import (
     ModelUnavailableError,
     Pieces,
 )
-from app.llm.streaming import MAX_REPLY_CHARACTERS, Chunk, assembled, error_message
+from app.llm.streaming import Chunk, assembled, error_message
 from roboprompt_client.http import without_proxy
 
-MAX_WIRE_BYTES = 16 * MAX_REPLY_CHARACTERS  # each token of a few characters comes wrapped in some 250 bytes of JSON
 # Room for the tokens that a model thinks before it replies: they count against the limit of the reply's length.
 # OpenAI's guide "Reasoning models" advises to reserve 25,000 at first; a pattern to continue takes far fewer.
 THINKING_TOKENS = 8192
-READ_OUT_S = 0.1  # the end of the HTTP message comes with the end of the reply or right after it
-# Idle connections that are kept, by scheme. A new one costs round trips to a distant server, which is reached over TLS.
-# A plain one is near; and llama.cpp hangs up on a kept one, so that the next request fails.
-KEPT_CONNECTIONS = {"https": 20, "http": 0}
-KEEP_ALIVE_S = 60.0
 # What a 429 says when the account's money or quota is used up: asking again does not help.
 # (OpenAI's error codes; Anthropic's rate_limit_error with details.error_code)
 SPENT = re.compile(r"\b(insufficient_quota|credit_balance_exhausted|enforced_spend_limit_reached)\b")
@@ -55,14 +50,12 @@ class Server:
         base_url: up to and including the version, e.g. ``http://127.0.0.1:11434/v1``.
         key: which must not appear in any message; empty for a server that asks for none.
         key_variable, url_variable: what to set when the server refuses the key or cannot be reached, for messages.
-        trust_env: whether proxies named in the environment are used; to this machine itself none is.
     """
 
     base_url: str
     key: str = field(default="", repr=False)
     key_variable: str = ""
     url_variable: str = ""
-    trust_env: bool = True
 
 
 class SseModel:
@@ -94,19 +87,13 @@ class SseModel:
         self._write = write
         self._parser = parser
         self._may_reason = may_reason
-        self._num_kept = KEPT_CONNECTIONS.get(self._url.partition(":")[0], 0)
-        self._client: httpx.AsyncClient | None = None
-        self._closed = False
         self._where = f"{profile.name} ({_without_password(self._url)})"
 
     def stream(self, request: CompletionRequest) -> Pieces:
         return assembled(self._chunks(request), request.prompt.stop, self.profile.name, may_reason=self._may_reason)
 
     async def aclose(self) -> None:
-        """Close the connections; later requests are an error."""
-        self._closed = True
-        if self._client:
-            await self._client.aclose()
+        """Nothing is held."""
 
     async def _chunks(self, request: CompletionRequest) -> AsyncGenerator[Chunk, None]:
         """The events of the reply.
@@ -122,39 +109,28 @@ class SseModel:
                 if source.response.status_code != httpx.codes.OK:
                     await source.response.aread()
                     raise self._refusal(source.response)
-                events = source.aiter_sse()
-                async for event in events:
+                async for event in source.aiter_sse():
                     chunk = parse(event.data)
                     if chunk is None:
-                        if self._num_kept:
-                            await _read_out(events)
                         return
                     yield chunk
 
     @asynccontextmanager
     async def _asked(self, body: Mapping[str, Any]) -> AsyncGenerator[EventSource, None]:
-        async with AsyncExitStack() as stack:
+        """A connection of its own: llama.cpp hangs up on a kept one, so that the next request fails."""
+        client = httpx.AsyncClient(
+            headers={"Accept-Encoding": "identity", **self._headers},
+            timeout=None,  # the deadline of the request covers everything
+            verify=_certificates() if self._url.startswith("https:") else False,
+            mounts=without_proxy(self._url),
+        )
+        async with client, AsyncExitStack() as stack:
             try:
-                source = await stack.enter_async_context(aconnect_sse(self._http(), "POST", self._url, json=body))
+                source = await stack.enter_async_context(aconnect_sse(client, "POST", self._url, json=body))
             except AttributeError as error:
                 # httpcore asks a connection that broke as soon as it was made for its socket: uvloop has none then
                 raise httpx.ConnectError("the connection broke as soon as it was made") from error
             yield source
-
-    def _http(self) -> httpx.AsyncClient:
-        if self._closed:
-            raise ModelUnavailableError(f"{self.profile.name} is closed")
-        if self._client is None:
-            self._client = httpx.AsyncClient(
-                headers={"Accept-Encoding": "identity", **self._headers},
-                timeout=None,  # the deadline of the request covers everything
-                limits=httpx.Limits(max_keepalive_connections=self._num_kept, keepalive_expiry=KEEP_ALIVE_S),
-                event_hooks={"response": [_cap_size]},
-                verify=self._url.startswith("https:"),  # reading the certificates takes 20 to 90 ms of the event loop
-                trust_env=self._server.trust_env,
-                mounts=without_proxy(self._url),
-            )
-        return self._client
 
     @contextmanager
     def _errors_mapped(self) -> Iterator[None]:
@@ -194,12 +170,10 @@ class SseModel:
         return text.replace(key, "[key]") if key else text
 
 
-async def _read_out(events: AsyncIterator[ServerSentEvent]) -> None:
-    """Read what follows the end of a reply, by which the connection serves the next request without a handshake."""
-    with suppress(TimeoutError, httpx.HTTPError):
-        async with asyncio.timeout(READ_OUT_S):
-            async for _ in events:
-                pass
+@cache
+def _certificates() -> SSLContext:
+    """Read once: it takes 20 to 90 ms of the event loop."""
+    return httpx.create_ssl_context()
 
 
 def _retry_after_s(headers: httpx.Headers) -> float | None:
@@ -214,30 +188,6 @@ def _retry_after_s(headers: httpx.Headers) -> float | None:
             return None
         wait_s = (until.replace(tzinfo=until.tzinfo or UTC) - datetime.now(UTC)).total_seconds()
     return max(wait_s, 0.0) if math.isfinite(wait_s) else None
-
-
-class _CappedStream(httpx.AsyncByteStream):
-    """A reply's bytes, no more than `MAX_WIRE_BYTES` of them."""
-
-    def __init__(self, stream: httpx.AsyncByteStream, where: str) -> None:
-        self._stream = stream
-        self._where = where
-
-    async def __aiter__(self) -> AsyncIterator[bytes]:
-        size = 0
-        async for piece in self._stream:
-            size += len(piece)
-            if size > MAX_WIRE_BYTES:
-                raise ModelResponseError(f"{self._where} replied with more than {MAX_WIRE_BYTES} bytes")
-            yield piece
-
-    async def aclose(self) -> None:
-        await self._stream.aclose()
-
-
-async def _cap_size(response: httpx.Response) -> None:
-    assert isinstance(response.stream, httpx.AsyncByteStream)
-    response.stream = _CappedStream(response.stream, _without_password(str(response.url)))
 
 
 def _without_password(url: str) -> str:

@@ -12,7 +12,6 @@ class Loopback:
 
     Attributes:
         requests: (head, body) of each request so far.
-        num_connections: opened so far.
         gone: set when a client closes the connection before its answer is complete.
         num_gone: of such clients.
     """
@@ -20,12 +19,10 @@ class Loopback:
     def __init__(self, answer):
         self.answer = answer
         self.requests = []
-        self.num_connections = 0
         self.gone = asyncio.Event()
         self.num_gone = 0
 
     async def _serve(self, reader, writer):
-        self.num_connections += 1
         try:
             await self._receive(reader)
             leaving = asyncio.create_task(self._notice_leaving(reader))
@@ -35,15 +32,6 @@ class Loopback:
             self.gone.set()
         finally:
             writer.close()
-
-    async def _serve_all(self, reader, writer):
-        """Answer one request after the other."""
-        self.num_connections += 1
-        with suppress(ConnectionError, asyncio.IncompleteReadError, asyncio.CancelledError):
-            while True:
-                await self._receive(reader)
-                await self.answer(writer)
-        writer.close()
 
     async def _receive(self, reader):
         head = (await reader.readuntil(b"\r\n\r\n")).decode()
@@ -59,15 +47,10 @@ class Loopback:
 
 
 @asynccontextmanager
-async def loopback(answer, keep_alive=False):
-    """Yields (base URL, Loopback).
-
-    Args:
-        keep_alive: a connection serves any number of requests; otherwise it is closed after its answer.
-    """
+async def loopback(answer):
+    """Yields (base URL, Loopback)."""
     server = Loopback(answer)
-    serve = server._serve_all if keep_alive else server._serve
-    async with await asyncio.start_server(serve, "127.0.0.1", 0) as listening:
+    async with await asyncio.start_server(server._serve, "127.0.0.1", 0) as listening:
         port = listening.sockets[0].getsockname()[1]
         yield f"http://127.0.0.1:{port}/v1", server
 

@@ -13,7 +13,6 @@ from app.llm.base import (
     ModelProfile,
     ModelResponseError,
     ModelTimeoutError,
-    ModelUnavailableError,
     Reading,
     TextDelta,
     complete,
@@ -28,7 +27,7 @@ LLMS = ("embedded", "completion", "chat")
 
 
 @pytest.fixture(scope="session")
-def models(gemma, llama_server, run):
+def models(gemma, llama_server):
     profiles = {style: ModelProfile(style, style, grammar=True, representation="object_frame") for style in LLMS[1:]}
     made = {
         style: OpenAiCompatibleModel(profile, llama_server, "gemma", OWN_LLAMA_CPP)
@@ -40,9 +39,7 @@ def models(gemma, llama_server, run):
         "regression": regression(),
         "scripted": ScriptedModel([REPLY + "\nand more"]),
     }
-    yield {name: as_asked(model) for name, model in made.items()}
-    for model in made.values():
-        run(model.aclose())
+    return {name: as_asked(model) for name, model in made.items()}
 
 
 # `completion` and `chat` are one client that asks llama.cpp in two ways: most of what they promise, one of them shows.
@@ -117,15 +114,6 @@ def test_the_papers_format_is_answered(model, run):
     assert run(complete(model, asking(absolute_prompt(), max_tokens=5))).text
 
 
-@pytest.mark.parametrize("backend", ["completion", "chat"])
-def test_a_closed_model_refuses(backend, llama_server, run):
-    profile = ModelProfile(backend, backend, grammar=True, representation="absolute")
-    model = OpenAiCompatibleModel(profile, llama_server, "gemma")
-    run(model.aclose())
-    with pytest.raises(ModelUnavailableError, match="is closed"):
-        run(complete(model, asking(object_frame_prompt())))
-
-
 class Cut(ScriptedModel):
     async def stream(self, request):
         yield TextDelta("4")
@@ -151,7 +139,6 @@ def test_a_chat_reply_keeps_to_a_schema(llama_server, run):
     prompt = Prompt("", "", "Tell me about lists in Python.", (), None, schema)
     model = OpenAiCompatibleModel(profile, llama_server, "gemma", SERVERS["ollama"])
     text = run(complete(model, asking(prompt))).text
-    run(model.aclose())
     rows = json.loads(text)
     assert 2 <= len(rows) <= 3, text
     assert all(len(row) == 4 and all(3 <= number <= 9 for number in row) for row in rows), text

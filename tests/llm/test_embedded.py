@@ -165,7 +165,6 @@ async def client_of(llama_server):
 
     async with httpx.AsyncClient(headers={"Authorization": f"Bearer {key}"}, trust_env=False) as http:
         yield model, num_busy
-    await model.aclose()
 
 
 @pytest.mark.parametrize(

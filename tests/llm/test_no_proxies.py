@@ -75,14 +75,9 @@ def test_llm(proxy, target):
     url, seen = target
     profile = ModelProfile("openai_compatible/x", "completion", grammar=False, representation="absolute")
 
-    async def ask():
-        model = OpenAiCompatibleModel(profile, Server(f"{url}/v1", "secret-key"), "x")
-        try:
-            return await complete(model, CompletionRequest(Prompt("system", "prefix", "query"), 10, 5.0))
-        finally:
-            await model.aclose()
-
-    assert asyncio.run(ask()).text == "[[1]]"
+    model = OpenAiCompatibleModel(profile, Server(f"{url}/v1", "secret-key"), "x")
+    asked = CompletionRequest(Prompt("system", "prefix", "query"), 10, 5.0)
+    assert asyncio.run(complete(model, asked)).text == "[[1]]"
     assert (len(proxy), len(seen)) == (0, 1)
 
 

@@ -2,7 +2,6 @@ import asyncio
 import os
 import re
 import signal
-from contextlib import AsyncExitStack
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from app.llm.base import (
 )
 from app.llm.computed import SCRIPTED, ScriptedModel
 from app.llm.llm_settings import LlmSettings, variable
-from app.llm.registry import MAX_MODELS, ModelRegistry
+from app.llm.registry import ModelRegistry
 from tests.llm.loopback import after, loopback, status
 from tests.llm.processes import child_pids
 from tests.llm.texts import asking, object_frame_prompt
@@ -143,7 +142,6 @@ async def test_an_embedded_model_has_as_many_places_as_slots(make_registry, monk
 async def test_a_request_survives_the_death_of_an_embedded_models_process(make_registry):
     registry = make_registry(embedded_threads=1, embedded_slots=1, embedded_context_tokens=512)
     before = child_pids()
-    assert not await registry.warm_up("regression")
     assert await registry.warm_up()
     (pid,) = child_pids() - before
     os.kill(pid, signal.SIGKILL)
@@ -152,72 +150,29 @@ async def test_a_request_survives_the_death_of_an_embedded_models_process(make_r
     assert answer.usage.completion_tokens == 1
 
 
-def test_all_models_are_closed_together():
+async def test_of_the_names_in_requests_only_what_is_offered_or_starts_is_kept(tmp_path):
     closed = []
 
     class Closing(ScriptedModel):
         async def aclose(self):
             closed.append(self.profile.name)
 
-    def create(model, settings):
-        return Closing(["a"], profile=ModelProfile(f"own/{model}", "chat", grammar=False, representation="absolute"))
-
-    registry = ModelRegistry(LlmSettings(), {"own": Backend(create, lambda settings: [SCRIPTED])})
-    for name in ("own/a", "own/b", "own/a"):
-        registry.get(name)
-    asyncio.run(registry.aclose())
-    assert sorted(closed) == ["own/a", "own/b"]
-
-
-def test_names_from_requests_fill_neither_the_memory_nor_the_places(make_registry):
-    registry = make_registry(openai_api_key="k")
-    first, second = registry.get("openai/0"), registry.get("openai/1")
-    for number in range(2, MAX_MODELS):
-        registry.get(f"openai/{number}")
-    assert registry.get("openai/0") is first
-    registry.get("openai/one-more")  # in the place of the one unused for longest
-    assert registry.get("openai/0") is first
-    assert registry.get("openai/1") is not second
-
-
-async def test_what_is_in_use_keeps_its_place_and_what_is_not_is_closed():
-    class Closable(ScriptedModel):
-        closed = False
-
-        async def aclose(self):
-            self.closed = True
-
-    made = {}
+    class Starting(Closing):
+        async def warm_up(self):
+            pass
 
     def create(model, settings):
-        made[model] = Closable([model])
-        return made[model]
+        profile = ModelProfile(f"own/{model}", "chat", grammar=False, representation="absolute")
+        return (Starting if model == "starts" else Closing)(["a"], profile=profile)
 
-    registry = ModelRegistry(LlmSettings(default_model="own/default"), {"own": Backend(create, lambda _: [])})
-    default = registry.get()
-    async with AsyncExitStack() as used:
-        for number in range(MAX_MODELS):
-            await used.enter_async_context(registry.using(f"own/{number}"))
-        with pytest.raises(ModelBusyError, match="32 other models are in use"):
-            registry.get("own/one-more")
-        assert registry.get() is default
-    async with registry.using("own/0"), registry.using("own/one-more"):
-        assert {name for name, model in made.items() if model.closed} == {"1"}
+    registry = ModelRegistry(LlmSettings(default_model="own/default"), {"own": Backend(create, lambda _: [SCRIPTED])})
+    for name in ("own/starts", "own/default", "own/x"):
+        async with registry.using(name) as model:
+            assert (registry.get(name) is model) == (name != "own/x")
+    assert closed == ["own/x"]
+    assert not await registry.warm_up()
     await registry.aclose()
-    assert all(model.closed for model in made.values())
-
-
-def test_a_profile_keeps_nothing_and_what_is_offered_has_a_place_of_its_own(make_registry):
-    registry = make_registry(openai_api_key="k", compatible_base_url="http://127.0.0.1:9/v1")
-    kept = registry.get("openai/kept")
-    for number in range(3 * MAX_MODELS):
-        assert registry.profile(f"openai_compatible/{number}").name == f"openai_compatible/{number}"
-    for item in registry.profiles():
-        if item.available:
-            registry.get(item.profile.name)
-    for number in range(1, MAX_MODELS):
-        registry.get(f"openai/{number}")
-    assert registry.get("openai/kept") is kept
+    assert closed == ["own/x", "own/starts", "own/default"]
 
 
 own_backend = Backend(lambda model, settings: ScriptedModel([model]), lambda settings: [SCRIPTED])

@@ -15,7 +15,7 @@ from app.services.predict.part_reply import PredictedAction
 from tests.llm.loopback import delta, loopback, streamed
 from tests.llm.loopback import text as completion_text
 from tests.services.test_predict_actions import REQUEST
-from tests.services.test_upload_episode import respond, upload
+from tests.services.test_upload_episode import upload
 
 DRAFT = "[[54, 30, 14, 0, 36, 36, 0], [54, 30, 20, 0, 36, 36, 1]]"
 FINAL = "[[54, 32, 14, 0, 36, 36, 0], [54, 32, 20, 0, 36, 36, 1]]"
@@ -63,7 +63,7 @@ def ask(store):
         )
         models = ModelRegistry(settings, {"openai_compatible": BUILT_IN["openai_compatible"]})
         services, given = Services(store, models, "openai_compatible/m"), []
-        await asyncio.to_thread(services.upload_episode, upload("cube"), respond)
+        await asyncio.to_thread(services.upload_episode, upload("cube"))
         found = await outcome(whole(services))
         assert await outcome(streamed_to(given, services)) == found
         await models.aclose()

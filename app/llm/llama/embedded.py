@@ -36,9 +36,8 @@ from app.llm.openai_compatible import OWN_LLAMA_CPP, OpenAiCompatibleModel
 DYING_S = 1.0  # frees some hundred MB
 # Reading ten demonstrations takes as long on two cores; another slot that knows them hardly speeds replies up there.
 PATIENCE_S = 5.0
+Process = LlamaProcess | GivenLlama
 logger = logging.getLogger(__name__)
-
-
 # Files of models that were trained to follow instructions, as publishers name them; base models continue rows.
 INSTRUCTED = re.compile(r"[-_.](instruct|it|chat)[-_.]", re.IGNORECASE)
 # Twice what two busy cores took with a model of 1.5 B parameters: for a reply, and for 1,000 characters of a prompt.
@@ -86,12 +85,6 @@ def shared_by_workers(settings: LlmSettings) -> Iterator[None]:
         yield
 
 
-@dataclass(frozen=True)
-class _Running:
-    process: LlamaProcess | GivenLlama
-    client: OpenAiCompatibleModel
-
-
 class EmbeddedModel:
     """One GGUF model, served by one child process, as the settings `embedded_...` say."""
 
@@ -100,19 +93,20 @@ class EmbeddedModel:
         self._weights = weights
         self._settings = settings
         self._slots = WarmSlots(settings.embedded_slots)
-        self._start: asyncio.Task[_Running] | None = None
+        self._start: asyncio.Task[Process] | None = None
         self._closed = False
 
     async def stream(self, request: CompletionRequest) -> Pieces:
-        running = await self._running()
+        process = await self._running()
+        client = OpenAiCompatibleModel(self.profile, process.server, self.profile.name, OWN_LLAMA_CPP)
         try:
-            async with self._slots.turn(request.cache_key), aclosing(running.client.stream(request)) as pieces:
+            async with self._slots.turn(request.cache_key), aclosing(client.stream(request)) as pieces:
                 async for piece in pieces:
                     yield piece
         except LanguageModelError as error:
             if error.retryable:
                 # A process that dies closes its connections first; the next request must find it dead.
-                await asyncio.to_thread(running.process.ends_within, DYING_S)
+                await asyncio.to_thread(process.ends_within, DYING_S)
             raise
 
     async def warm_up(self) -> None:
@@ -124,7 +118,7 @@ class EmbeddedModel:
         if self._start:
             await _stop(self._start)
 
-    async def _running(self) -> _Running:
+    async def _running(self) -> Process:
         """The server, which all callers start together; one that failed or died is started again."""
         if self._closed:
             raise ModelUnavailableError(f"{self.profile.name} is closed")
@@ -133,12 +127,10 @@ class EmbeddedModel:
         # a caller that gives up must not stop the start that others wait for
         return await asyncio.shield(self._start)
 
-    async def _started(self, ended: asyncio.Task[_Running] | None) -> _Running:
+    async def _started(self, ended: asyncio.Task[Process] | None) -> Process:
         if ended:
             await _stop(ended)
-        process = await asyncio.to_thread(lambda: launch(llama_options(self._weights(), self._settings)))
-        client = OpenAiCompatibleModel(self.profile, process.server, self.profile.name, OWN_LLAMA_CPP)
-        return _Running(process, client)
+        return await asyncio.to_thread(lambda: launch(llama_options(self._weights(), self._settings)))
 
 
 def llama_options(model: Path, settings: LlmSettings) -> LlamaOptions:
@@ -147,17 +139,15 @@ def llama_options(model: Path, settings: LlmSettings) -> LlamaOptions:
     return LlamaOptions(str(model), slots, settings.embedded_context_tokens, threads)
 
 
-def _has_ended(start: asyncio.Task[_Running]) -> bool:
+def _has_ended(start: asyncio.Task[Process]) -> bool:
     """Whether the start failed or the process died since."""
-    return start.done() and (start.exception() is not None or not start.result().process.running)
+    return start.done() and (start.exception() is not None or not start.result().running)
 
 
-async def _stop(start: asyncio.Task[_Running]) -> None:
+async def _stop(start: asyncio.Task[Process]) -> None:
     await asyncio.wait([start])
     if start.exception() is None:
-        running = start.result()
-        await running.client.aclose()
-        await asyncio.to_thread(running.process.stop)
+        await asyncio.to_thread(start.result().stop)
 
 
 class WarmSlots:

@@ -79,12 +79,7 @@ class LlamaProcess:
                 remedy = f"it must be a model that llama.cpp knows, with memory for {options.slots} requests"
                 reason = f"llama.cpp cannot serve {options.model} ({_last_line(errors.read())})"
                 raise ModelUnavailableError(f"{reason}; {remedy} of {options.context_tokens} tokens")
-        self.server = Server(f"{json.loads(answer)['url']}/v1", options.api_key, trust_env=False)
-
-    @property
-    def pid(self) -> int:
-        """The id of the process."""
-        return self._process.pid
+        self.server = Server(f"{json.loads(answer)['url']}/v1", options.api_key)
 
     @property
     def running(self) -> bool:
@@ -166,7 +161,7 @@ def launch(options: LlamaOptions) -> LlamaProcess | GivenLlama:
     """The parent's server of these options while it answers, else one of this process. Raises as LlamaProcess."""
     given = json.loads(os.environ.get(GIVEN, "{}"))
     if given and given["options"] == _named(options):
-        server = Server(given["url"], given["key"], trust_env=False)
+        server = Server(given["url"], given["key"])
         if _answers(server):
             return GivenLlama(server)
     return LlamaProcess(options)
@@ -181,6 +176,6 @@ def _answers(server: Server) -> bool:
     headers = {"Authorization": f"Bearer {server.key}"}
     try:
         url = f"{server.base_url}/models"
-        return httpx.get(url, headers=headers, timeout=PROBE_TIMEOUT_S, trust_env=server.trust_env).is_success
+        return httpx.get(url, headers=headers, timeout=PROBE_TIMEOUT_S, trust_env=False).is_success
     except httpx.TransportError:
         return False
