@@ -57,7 +57,7 @@ test: dev
 ROBUSTNESS := tests/perception/registered/test_find.py tests/llm/test_one_answer.py \
 	tests/llm/test_embedded.py tests/llm/test_anthropic.py tests/sim/test_cameras.py \
 	tests/evaluation/test_composition.py tests/test_wheels.py tests/evaluation/test_vision.py tests/evaluation/test_sweep_run.py \
-	tests/e2e/test_workers.py tests/llm/test_add_weights.py tests/llm/test_weights.py tests/llm/test_vocabulary.py \
+	tests/e2e/test_workers.py tests/llm/test_weights.py tests/llm/test_vocabulary.py \
 	tests/e2e/test_labels.py tests/perception/registered/test_learn.py \
 	benchmarks tests/reliability tests/e2e/test_extremes.py tests/test_docker.py tests/test_no_pickles.py \
 	tests/test_supply_chain.py  tests/e2e/test_secrets.py
