@@ -17,7 +17,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.api.access_rules import (
     HEALTH,
     PAGES,
-    READY,
     SAFE_METHODS,
     Headers,
     key_of,
@@ -50,12 +49,10 @@ class RateLimit:
 
     Args:
         requests_per_s: in the long run; 0: no limit.
-        burst: at once.
     """
 
-    def __init__(self, requests_per_s: float, burst: int) -> None:
+    def __init__(self, requests_per_s: float) -> None:
         self._rate = requests_per_s
-        self._burst = burst
         self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
 
     def wait_s(self, caller: str) -> float:
@@ -63,8 +60,8 @@ class RateLimit:
         if not self._rate:
             return 0.0
         now = time.monotonic()
-        tokens, since = self._buckets.pop(caller, (float(self._burst), now))
-        tokens = min(self._burst, tokens + (now - since) * self._rate)
+        tokens, since = self._buckets.pop(caller, (float(BURST), now))
+        tokens = min(BURST, tokens + (now - since) * self._rate)
         allowed = tokens >= 1
         self._buckets[caller] = (tokens - 1 if allowed else tokens, now)
         if len(self._buckets) > MAX_CALLERS:
@@ -94,7 +91,7 @@ class AccessControl:
     def __init__(self, app: ASGIApp, access: Access) -> None:
         self._app = app
         self._access = access
-        self._rate = RateLimit(access.requests_per_s, BURST)
+        self._rate = RateLimit(access.requests_per_s)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -119,7 +116,6 @@ class AccessControl:
         if (host := _host_of(headers.get(b"host", b"").decode("latin-1"))) is None:
             return problem(_MALFORMED, "its header Host names no host"), None
         if path in HEALTH:
-            scope.setdefault("state", {})["known"] = await self._may_know(scope, headers)
             return None, None
         if len(scope["query_string"]) > MAX_QUERY_CHARS:
             return problem(_TOO_LONG, f"its query may have at most {MAX_QUERY_CHARS} characters"), None
@@ -136,15 +132,6 @@ class AccessControl:
             seconds = str(math.ceil(wait_s))
             return problem(_TOO_MANY, f"try again in {seconds} s", headers={"Retry-After": seconds}), None
         return _unwelcome(scope_for(method, path), headers, caller) if self._access.key_required else None, caller
-
-    async def _may_know(self, scope: Scope, headers: Headers) -> bool:
-        """Whether the caller of a health check may read what it finds."""
-        if not scope["path"].endswith(READY) or not self._access.key_required:
-            return True
-        try:
-            return await _caller(scope, headers) is not None
-        except StoreError:
-            return False
 
     def _foreign(self, method: str, host: str, headers: Headers) -> Response | None:
         """Refuse what another website's scripts send, with the user's password or from the user's own machine.
@@ -173,9 +160,8 @@ def _unwelcome(needed: str | None, headers: Headers, caller: Caller | None) -> R
         return None
     if caller is not None:
         return problem(_FORBIDDEN, f"the key {caller.name!r} has the scope {caller.scope}; this needs {needed}")
-    refusal = problem(
-        _UNAUTHENTICATED, f"{'the key is not known, or was revoked' if key_of(headers) else 'there is no key'}: {HOW}"
-    )
+    said = "the key is not known, or was revoked" if key_of(headers) else "there is no key"
+    refusal = problem(_UNAUTHENTICATED, f"{said}: {HOW}")
     for challenge in _CHALLENGES:
         refusal.headers.append("WWW-Authenticate", challenge)
     return refusal

@@ -12,8 +12,7 @@ SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 GUIDE = "/docs/guide/"
 # Opening one takes dozens of requests for scripts and pictures, so that they do not count against the rate limit.
 PAGES = ("/ui/", GUIDE)
-READY = "/readyz"
-HEALTH = frozenset({"/healthz", READY})
+HEALTH = frozenset({"/healthz", "/readyz"})
 _NAME = r"[^/]+"
 _RULES = tuple(
     (method, re.compile(path), scope)

@@ -89,9 +89,7 @@ _HTTP_TITLES = {
     413: "The request is too large",
     415: "The content type is not understood",
     499: "The client has left",
-    503: "The service has too much to do",
 }
-_HTTP_TYPES = {413: "too-large", 503: "busy"}
 # Pydantic's types of errors, where its own words would not say to a caller over HTTP what is wrong or what is valid
 _MESSAGES = {
     "missing": ("is missing", "a value as in /docs"),
@@ -179,7 +177,7 @@ def problem(
 def http_problem(error: HTTPException) -> JSONResponse:
     """The response for an error of the web's own."""
     title = _HTTP_TITLES.get(error.status_code, "The request cannot be answered")
-    kind = Kind(error.status_code, _HTTP_TYPES.get(error.status_code, "http"), title)
+    kind = Kind(error.status_code, "too-large" if error.status_code == 413 else "http", title)
     return problem(kind, str(error.detail), headers=error.headers)
 
 

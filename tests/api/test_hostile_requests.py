@@ -70,7 +70,7 @@ CAMERAS = [camera(f"c{k}") for k in range(17)]
 BOX = '{"min": [0, 0, 0], "max": [0.1, 0.1, 0.1]}'
 # What is sent (method and address, body, headers), the status, and words of the answer.
 TABLE = {
-    "step of NaN": (limits('{"max_step_m": NaN}'), 400, "NaN is no JSON number"),
+    "step of NaN": (limits('{"max_step_m": NaN}'), 422, "motion_limits.max_step_m"),
     "step of minus zero": (limits('{"max_step_m": -0.0}'), 422, "motion_limits.max_step_m"),
     "turn just above 180": (limits('{"max_step_rotation_deg": 180.00000000000003}'), 422, "max_step_rotation_deg"),
     "boxes, 65": (limits(f'{{"keep_out": [{", ".join([BOX] * 65)}]}}'), 422, "motion_limits.keep_out"),
