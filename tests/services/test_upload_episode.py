@@ -6,7 +6,7 @@ import pytest
 
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Episode
-from app.pipeline.errors import ObjectSetError
+from app.pipeline.errors import ObjectSetError, UngroundedInstructionError
 from app.services.teach.upload import UploadEpisode
 from app.services.teach.upload_checks import Upload
 from roboprompt_client.types.trajectory import Trajectory
@@ -56,3 +56,10 @@ def test_first_uploads_at_once_agree_on_the_objects(store):
         thread.join()
     assert outcomes.count(None) == 3
     assert len(set(outcomes)) == 2
+
+
+def test_an_instruction_that_is_too_involved_to_be_read_is_refused(scripted):
+    long = "push " + "the red cup and " * 28 + "the blue cup"
+    given = replace(upload("red cup", "blue cup"), episode=Episode(long, pick_trajectory(PLACE_M)))
+    with pytest.raises(UngroundedInstructionError, match="is too involved"):
+        scripted("[]").upload_episode(given)

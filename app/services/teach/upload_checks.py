@@ -20,6 +20,8 @@ from app.pipeline.findings.scene import other_objects
 from app.pipeline.findings.units import check_recording
 from app.pipeline.keyframes import Motion
 from app.pipeline.names import check_object_names
+from app.pipeline.order.frames import frames_of
+from app.pipeline.order.lexicon import Lexicon
 from app.pipeline.order.order import Order
 from app.pipeline.plans.recording import Recording
 from app.pipeline.thresholds import GRASPED_M
@@ -156,6 +158,7 @@ def checked_upload(upload: Upload, task: StoredTask) -> CheckedUpload:
     Raises:
         InvalidInputError: for another arm, or wrong units.
         ObjectSetError: if the objects do not fit the task.
+        UngroundedInstructionError: if the instruction is too involved to be read.
     """
     episode = upload.episode
     settings, motion = task.settings.with_recording(episode.trajectory, episode.control_frequency_hz)
@@ -164,6 +167,7 @@ def checked_upload(upload: Upload, task: StoredTask) -> CheckedUpload:
     findings = _check_objects(task, episode.instruction, upload.object_names, given, _acts_at_m(motion))
     names = tuple(dict.fromkeys((*(task.object_names or ()), *upload.object_names)))
     settings.check_models(names)
+    frames_of(episode.instruction, Lexicon(names, settings.aliases, [episode.instruction]))
     return CheckedUpload(settings, motion, names, findings)
 
 
