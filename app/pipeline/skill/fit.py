@@ -1,0 +1,180 @@
+"""Recordings of one form of instruction -> plans: aligned, seen from frames that explain them, parted by ways."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
+from app.pipeline.skill import turns
+from app.pipeline.skill.alike import Turned, as_shown, turned_alike
+from app.pipeline.skill.choice import choose
+from app.pipeline.skill.evidence import log_about_zero
+from app.pipeline.skill.recording import Costs, Recording, Rows, aligned, counts_of
+from app.pipeline.skill.rows import Row, placed
+from app.pipeline.skill.scene import Scene
+from app.pipeline.skill.ways import LEAST, Condition, split, told_apart
+from app.pipeline.thresholds import M_PER_RAD
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
+
+ROUNDS = 2  # of aligning recordings to the rows of all
+STARTS = 3  # recordings whose stages are tried for those of all
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """One way of carrying out an instruction.
+
+    Attributes:
+        rows: each in its frame.
+        members: the recordings that go this way; `shown`: their rows, symmetric things turned alike.
+        when: the scenes that call for it; empty: all that call for no other.
+    """
+
+    rows: tuple[Row, ...]
+    members: tuple[Recording, ...]
+    shown: Rows
+    when: tuple[Condition, ...] = ()
+
+    def holds(self, scene: Scene) -> bool:
+        """Return whether a scene calls for the plan."""
+        return all(condition.holds(scene) for condition in self.when)
+
+    def at(self, scene: Scene) -> list[EndEffectorAction]:
+        """Return the rows in a scene; where the hand's start is needed and not known, positions are not finite."""
+        places, hands = placed(self.rows, self.as_shown(scene))
+        if not np.isfinite(places).all():
+            raise UnknownStartError
+        return EndEffectorAction.many(places, hands, self.shown.gripper_open.tolist())
+
+    def as_shown(self, scene: Scene) -> Scene:
+        """Return a scene with what looks alike turned as in the recordings."""
+        return as_shown(scene, self.shown, self.rows)
+
+
+class UnknownStartError(ValueError):
+    """The plan starts from where the hand is, and a scene does not say where."""
+
+
+def plans_of(recordings: Sequence[Recording]) -> tuple[Plan, ...]:
+    """Return the plans of recordings, the usual one first of those that no condition tells apart."""
+    often = Counter(item.signature for item in recordings).most_common()
+    usual = [item for item in recordings if item.signature == often[0][0]]
+    others = [[item for item in recordings if item.signature == signature] for signature, _ in often[1:]]
+    called_for: list[Plan] = []
+    never: list[Plan] = []
+    when: tuple[Condition, ...] = ()
+    for group in others:
+        if len(group) >= LEAST and (conditions := _between(usual, group)):
+            called_for += _parted(group, conditions[1:])
+            when = (*when, conditions[0])
+        else:
+            never += _parted(group, ())
+    return (*called_for, *_parted(usual, when), *never)
+
+
+def _between(usual: Sequence[Recording], group: Sequence[Recording]) -> tuple[Condition, Condition] | None:
+    """Return the conditions of recordings with the usual switches of the gripper, and of others."""
+    shared = set.intersection(*(set(item.scene.keys) for item in (*usual, *group)))
+    scenes = Scene.stacked([item.scene for item in (*usual, *group)], sorted(shared))
+    second = np.arange(len(usual) + len(group)) >= len(usual)
+    found = told_apart(scenes, second)
+    return None if found is None else found.conditions
+
+
+def _parted(members: Sequence[Recording], when: tuple[Condition, ...]) -> Iterator[Plan]:
+    """Yield the plans of recordings with the same switches of the gripper."""
+    plan = _one_way(tuple(members), when)
+    found = split(plan.shown.scenes, plan.rows)
+    if found is None:
+        yield plan
+        return
+    for side, condition in zip((False, True), found.conditions, strict=True):
+        own = [item for item, second in zip(members, found.second, strict=True) if second == side]
+        yield from _parted(own, (*when, condition))
+
+
+def _one_way(members: tuple[Recording, ...], when: tuple[Condition, ...]) -> Plan:
+    counts, resting = counts_of(members)
+    rows = aligned(members, counts)
+    alike = turned_alike(rows)
+    rows = alike.of(rows)
+    fitted = choose(rows)
+    if not resting:
+        if len(members) > 1:
+            starts = [fitted, *_single(fitted, len(members))]
+            found = [_realigned(members, counts, alike, start) for start in starts]
+            rows, fitted = max(found, key=lambda one: sum(row.log_evidence for row in one[1]))
+        rows, fitted = _without_vague(rows, fitted, set((np.cumsum(counts) - 1).tolist()))
+    return Plan(fitted, members, rows, when)
+
+
+def _realigned(
+    members: Sequence[Recording], counts: Sequence[int], alike: Turned, fitted: tuple[Row, ...]
+) -> tuple[Rows, tuple[Row, ...]]:
+    for _ in range(ROUNDS):
+        rows = alike.of(aligned(members, counts, _costs(members, alike, fitted)))
+        fitted = choose(rows)
+    return rows, fitted
+
+
+def _single(fitted: Sequence[Row], number: int) -> Iterator[tuple[Row, ...]]:
+    """Yield rows that are where one recording has them, so that stages of recordings do not mix."""
+    for n in np.linspace(0, number - 1, min(STARTS, number)).astype(int):
+        yield tuple(replace(row, place=row.place + row.residuals[:3, n]) for row in fitted)
+
+
+def _costs(members: Sequence[Recording], alike: Turned, fitted: Sequence[Row]) -> Costs:
+    where = [placed(fitted, alike.scenes.one(n)) for n in range(len(members))]
+
+    def costs(n: int, k: int, frames: npt.NDArray[np.int_]) -> Array:
+        trajectory, (places, hands) = members[n].motion.trajectory, where[n]
+        hand = turns.product(hands[k], turns.HALF_TURN) if alike.halves[n] else hands[k]
+        off_m = np.linalg.norm(trajectory.positions_m[frames] - places[k], axis=1)
+        off: Array = (off_m + M_PER_RAD * turns.angle(trajectory.quaternions_xyzw[frames], hand)) / TOLERANCE_M
+        return off
+
+    return costs
+
+
+def _without_vague(rows: Rows, fitted: tuple[Row, ...], ends: set[int]) -> tuple[Rows, tuple[Row, ...]]:
+    """Return the rows that pay for themselves; never without a phase's last one.
+
+    A row costs where it must be in all scenes; without it the hand moves straight from the row before to the row after.
+    Both explain where the recorded hands are: the one with more evidence stays.
+    """
+    kept = list(range(len(rows)))
+    while True:
+        few = rows.taking(kept)
+        gains = [-np.inf if k in ends else straight(few, i) - fitted[k].log_evidence for i, k in enumerate(kept)]
+        if max(gains) <= 0:
+            break
+        del kept[int(np.argmax(gains))]
+    if len(kept) == len(rows):
+        return rows, fitted
+    rows = rows.taking(kept)
+    return rows, choose(rows)
+
+
+def straight(rows: Rows, k: int) -> float:
+    """Return the log evidence of recorded hands at row k by straight motion between its neighbors.
+
+    What is off by less than the tolerance of keyframes is as good as on the line.
+    """
+    before, turn_before = rows.scenes.start, rows.scenes.start_turn
+    if k:
+        before, turn_before = rows.hand[:, k - 1], rows.turn[:, k - 1]
+    here, after = rows.hand[:, k], rows.hand[:, k + 1]
+    way = after - before
+    share = ((here - before) * way).sum(1) / np.maximum((way**2).sum(1), TOLERANCE_M**2)
+    share = np.clip(share, 0, 1)[:, None]
+    off_m = here - before - share * way
+    turning = turns.log(turns.product(turns.inverse(turn_before), rows.turn[:, k + 1]))
+    on_way = turns.product(turn_before, turns.exp(share * turning))
+    off_rad = turns.log(turns.product(turns.inverse(on_way), rows.turn[:, k]))
+    squares = [(off_m**2).sum(0), (off_rad**2).sum(0)]
+    floors = TOLERANCE_M, np.radians(TOLERANCE_DEG)
+    return float(sum(log_about_zero(s, rows.number, floor).sum() for s, floor in zip(squares, floors, strict=True)))

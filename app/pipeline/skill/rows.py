@@ -1,0 +1,88 @@
+"""A row of a skill: where the hand goes, as six Student t distributions in a task-parameterised frame."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.pipeline.skill import turns
+from app.pipeline.skill.evidence import Posterior, two_sided_p
+from app.pipeline.skill.frames import Frame
+from app.pipeline.skill.scene import Scene, Source
+from roboprompt_client.types.arrays import Array
+from roboprompt_client.types.poses import EndEffectorAction
+
+AXES = np.arange(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """A row in its frame: three coordinates of the place (m), three of the rotation (rad).
+
+    Attributes:
+        place: (3,) m from the frame's origins along its axes; turn: (4,) relative to the frame's hand.
+        posterior: (6,) of the residuals.
+        residuals: (6, N) of the demonstrations.
+        log_evidence: of the row in its frame, with the frame's log prior; `rivals`: the same of the best frame with
+            its origin at each object.
+        unstarted: what the rotation follows instead, and the mean relative to it, where nobody tells how the hand
+            starts; None where that does not matter.
+    """
+
+    frame: Frame
+    place: Array
+    turn: Array
+    posterior: Posterior
+    residuals: Array
+    gripper_open: bool
+    log_evidence: float
+    rivals: Mapping[str, float]
+    unstarted: tuple[Source, Array] | None = None
+
+    @property
+    def scale(self) -> Array:
+        """(6,) of a further demonstration, in m and rad."""
+        return self.posterior.scale()
+
+    def at(self, scene: Scene) -> EndEffectorAction:
+        """Return the row's mean in a scene."""
+        place, turn = placed([self], scene)
+        return EndEffectorAction(place[0], turn[0], self.gripper_open)
+
+    def residual(self, action: EndEffectorAction, scene: Scene) -> Array:
+        """Return how far (6,) an action is from the row's mean, along the frame's axes, in m and rad."""
+        _, turn = placed([self], scene)
+        axes = scene.axes(self.frame.axes)
+        back = turns.inverse(axes)
+        seen = turns.rotated(back, action.position_m - _origins(self.frame, scene))[AXES, AXES]
+        off = turns.log(turns.product(turns.inverse(turn[0]), action.quaternion_xyzw))
+        return np.concatenate([seen - self.place, off])
+
+    def surprise(self, action: EndEffectorAction, scene: Scene) -> Array:
+        """Return how often (6,) chance alone puts a demonstration as far off as an action."""
+        return two_sided_p(self.residual(action, scene), self.scale, self.posterior.dof)
+
+
+def placed(rows: Sequence[Row], scene: Scene) -> tuple[Array, Array]:
+    """Return places (R, 3) and rotations (R, 4) of R rows in one scene.
+
+    Where the hand's start is not known, rotations that follow it follow what explains them second best; places that
+    follow it are NaN.
+    """
+    axes = np.array([scene.axes(row.frame.axes) for row in rows])
+    origins = np.array([_origins(row.frame, scene) for row in rows])
+    seen = turns.rotated(turns.inverse(axes)[:, None], origins)[:, AXES, AXES]
+    places = turns.rotated(axes, seen + np.array([row.place for row in rows]))
+    hands, means = zip(*(_hand(row, scene) for row in rows), strict=True)
+    return places, turns.product(np.array(hands), np.array(means))
+
+
+def _origins(frame: Frame, scene: Scene) -> Array:
+    return np.array([scene.origin(source) for source in frame.place])
+
+
+def _hand(row: Row, scene: Scene) -> tuple[Array, Array]:
+    if row.unstarted is None or scene.knows_start:
+        return scene.axes(row.frame.hand), row.turn
+    source, mean = row.unstarted
+    return scene.axes(source), mean

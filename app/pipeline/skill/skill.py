@@ -1,0 +1,57 @@
+"""A skill: what demonstrations of one form of instruction share, and how sure that is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from app.pipeline.skill import doubts
+from app.pipeline.skill.density import SceneDensity, Surprise
+from app.pipeline.skill.doubts import Doubt
+from app.pipeline.skill.fit import Plan, plans_of
+from app.pipeline.skill.recording import Recording
+from app.pipeline.skill.scene import Scene
+from roboprompt_client.types.poses import EndEffectorAction
+
+
+@dataclass(frozen=True, eq=False)
+class Skill:
+    """What recordings of one form of instruction share.
+
+    Attributes:
+        form: of the instructions, see `app.pipeline.order`.
+        plans: the ways of carrying it out; a scene calls for the first whose condition holds.
+        scene: where objects and the hand are, learned from all recordings of the task.
+    """
+
+    form: str
+    plans: tuple[Plan, ...]
+    scene: SceneDensity
+    recordings: tuple[Recording, ...]
+
+    def plan_for(self, scene: Scene) -> Plan:
+        """Return the plan that a scene calls for."""
+        return next((plan for plan in self.plans if plan.holds(scene)), self.plans[0])
+
+    def of_scene(self, scene: Scene) -> list[Doubt]:
+        """Return the doubts about a scene."""
+        return list(doubts.of_scene(self.plan_for(scene), self.plans, self.scene, scene))
+
+    @cached_property
+    def of_demonstrations(self) -> tuple[Doubt, ...]:
+        """The doubts that do not depend on a scene."""
+        return tuple(doubts.of_demonstrations(self.plans, self.recordings, hypothesize=True))
+
+    def of_answer(self, actions: Sequence[EndEffectorAction], scene: Scene, most_p: float) -> list[Surprise]:
+        """Return the coordinates of an answer's actions that are less probable than `most_p`."""
+        plan = self.plan_for(scene)
+        return doubts.of_answer(plan.rows, actions, plan.as_shown(scene), most_p)
+
+
+def fit(recordings: Sequence[Recording], of_task: Sequence[Recording] | None = None) -> Skill:
+    """Return the skill of recordings whose instructions have one form.
+
+    Args:
+        of_task: all recordings in such scenes, also of other instructions; None: the same.
+    """
+    density = SceneDensity.learned([item.scene for item in of_task or recordings])
+    return Skill(recordings[0].order.form, plans_of(recordings), density, tuple(recordings))
