@@ -1,7 +1,7 @@
-"""Harmless hypotheses, which are applied: an object that looks the same after a turn, a hand that works either way round.
+"""Harmless hypotheses, which are applied: an object that looks alike after a turn, a hand that works either way.
 
-People and pose estimators see one of several equal sides. Where the rows of all recordings gain evidence as an object is
-turned by its period, or the hand by half a turn, they are turned; a new scene is turned as most recordings are.
+People and pose estimators see one of several equal sides. Where the rows of all recordings gain evidence as an object
+is turned by its period, or the hand by half a turn, they are turned; a new scene is turned as most recordings are.
 """
 
 from collections.abc import Iterator
@@ -117,7 +117,9 @@ def _alike_at(now: Turned, plain: Rows, act: int, key: str, period: float | None
     changed = away[0] - away.min(axis=0) > CLEARLY_RAD
     angles = np.where(changed, np.array([angle for angle, _ in variants])[which], 0.0)
     halves = changed & np.array([half for _, half in variants])[which]
-    symmetry = tuple(period if other == key else of for other, of in zip(acts.scenes.keys, acts.scenes.symmetry, strict=True))
+    symmetry = tuple(
+        period if other == key else of for other, of in zip(acts.scenes.keys, acts.scenes.symmetry, strict=True)
+    )
     scenes = replace(acts.scenes.turned(key, angles), symmetry=symmetry)
     return Turned(scenes, now.halves ^ halves), int(changed.sum())
 

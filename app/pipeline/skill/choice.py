@@ -17,7 +17,7 @@ from roboprompt_client.types.arrays import Array
 
 FLOOR_M, FLOOR_RAD = 0.003, np.radians(2.0)  # noise that is expected of a hand at an object: of scripted recordings
 WIDTH_M, WIDTH_RAD = 1.0, np.pi  # a hand's reach, and all rotations about an axis
-SWITCHING = -2.0  # log prior of a row whose origin, axes or hand differ from those of the row before: of each
+SWITCHING = -2.0  # log prior of a row with another origin, other axes, another hand than before, or all of them
 VERTICAL = 2
 
 State = tuple[int, int, int]  # of axes, origin and hand among the candidates
@@ -96,9 +96,9 @@ NAMES = ("log_evidence", "mean", "shape", "rate", "number", "kept")
 
 
 def _viterbi(total: Array) -> list[State]:
-    """Return the best states of rows with log probabilities (R, P, O, A); each part of a state costs where it changes.
+    """Return the best states of rows with log probabilities (R, P, O, A); changes of a part, or of all, have a cost.
 
-    The parts change one after the other, so that a change of each is a maximum along one axis.
+    Parts change one after the other, so that a change of each is a maximum along one axis.
     """
     steps, score = [], total[0]
     for k in range(1, len(total)):
@@ -108,6 +108,9 @@ def _viterbi(total: Array) -> list[State]:
             best = np.take_along_axis(score, at, axis) + SWITCHING
             index = np.where(best > score, np.take_along_axis(index, at, axis), index)
             score = np.maximum(score, best)
+        best, at_best = score.max() + SWITCHING, score.argmax()
+        index = np.where(best > score, index.ravel()[at_best], index)
+        score = np.maximum(score, best)
         steps.append(index)
         score = score + total[k]
     flat = [int(score.argmax())]

@@ -186,7 +186,9 @@ _PRIOR: dict[Kind, Sequence[float] | Array] = {
 
 def _renamed(scene: Scene, like: Scene) -> Scene:
     """Return the objects of one scene under the names, in the order, of another."""
-    return Scene(like.keys, scene.place, scene.turn, scene.start, scene.start_turn, like.symmetry, like.names, scene.measured)
+    return Scene(
+        like.keys, scene.place, scene.turn, scene.start, scene.start_turn, like.symmetry, like.names, scene.measured
+    )
 
 
 def _coordinates(scenes: Scene) -> tuple[Coordinate, ...]:

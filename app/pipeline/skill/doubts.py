@@ -12,15 +12,16 @@ import numpy as np
 from scipy.special import ndtri, stdtr
 
 from app.pipeline.skill import script
-from app.pipeline.skill.choice import FLOOR_M, FLOOR_RAD
+from app.pipeline.skill.choice import FLOOR_M
 from app.pipeline.skill.density import ALL, EXACT, HAND, SceneDensity, Surprise, repeated
+from app.pipeline.skill.evidence import Posterior
 from app.pipeline.skill.fit import Plan
 from app.pipeline.skill.frames import is_named
-from app.pipeline.skill.hypotheses import Hypothesis, explained, explained_in
+from app.pipeline.skill.hypotheses import explained
 from app.pipeline.skill.recording import Recording
-from app.pipeline.skill.rows import Row
+from app.pipeline.skill.rows import COORDINATES, Row
 from app.pipeline.skill.scene import Scene
-from app.pipeline.skill.ways import Which, evidence
+from app.pipeline.skill.ways import Which, two_kinds
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -32,16 +33,17 @@ UNFOLLOWED_P = 1e-6  # of one that no row follows and no words name
 EXCHANGED = 6.0  # nats by which a scene is more probable with two names exchanged
 UNLIKELY = -4.0  # log probability of a recording
 SHARE = 0.34  # of recordings that are unlike what words say, or unlike the others
-OTHER_OBJECT = 3.0  # nats a recording by which a row follows something else than words say
+OTHER_OBJECT = 1.0  # nats a recording by which a row follows something else than words say
 CLOCK = 2.9  # nats a recording for another clock of the gripper
 EXPLAINED = 8.0  # nats for a fault of all recordings
 REPEATED = 0.15  # share of recordings with an object exactly where another recording has it
 # What an act may be off is not known: lognormal around these. Demonstrations that are off by as much have succeeded
-TOLERANCE_M, TOLERANCE_RAD = 0.035, np.radians(25)
+TOLERANCE_M, TOLERANCE_RAD = 0.035, np.radians(20)
 TOLERANCES = np.exp(0.5 * ndtri((np.arange(10) + 0.5) / 10))  # of which demonstrations say nothing
 EXACTLY = 0.6  # of the tolerance where demonstrations are of two kinds, each exact
 FREE = 2.0  # times as far where a hand lets go: things are put down anywhere
-HIDDEN = 0.3  # prior probability that what scatters follows something that is not seen
+HIDDEN = 0.3  # prior probability that a place that scatters follows something that is not seen,
+HIDDEN_TURN = 0.6  # and a rotation: things without a measured rotation are the rule, hands that turn at will are not
 FAILS = 0.2  # probability that an act fails: of cases without another doubt 17 % failed to there, 27 % beyond
 BROKEN_M = 0.05  # scatter of ends and starts in the midst of a way
 SHIFTS_S = np.array([*np.arange(-8, -1), *np.arange(2, 9)]) / 5  # of the gripper's clock: 0.4 to 1.6 s
@@ -114,9 +116,15 @@ def of_answer(rows: Sequence[Row], actions: Sequence[EndEffectorAction], scene: 
         off, p = row.residual(action, scene), row.surprise(action, scene)
         for c in np.flatnonzero(p < most_p):
             half = 2 * float(row.scale[c])
-            name = ("x", "y", "z", "turn about x", "turn about y", "turn about z")[c]
-            found.append(Surprise(f"action {k}", name, float(off[c]), (-half, half), float(p[c])))
+            found.append(Surprise(f"action {k}", COORDINATES[c], float(off[c]), (-half, half), float(p[c])))
     return sorted(found, key=lambda one: one.p)
+
+
+def of_left_out(one: Surprise) -> Doubt:
+    """Return the doubt about a demonstration that is unlike the others; the skill goes by the others."""
+    low, high = one.usual
+    said = f"demonstration {one.about}: {one.coordinate} is {one.value:.3f}, the others have {low:.3f} to {high:.3f}"
+    return Doubt("unusual-demonstration", "warning", f"{said}: look at it, and leave it out if it is wrong", one)
 
 
 def _followed(plan: Plan, scene: Scene) -> set[str]:
@@ -260,10 +268,13 @@ def _acts(plan: Plan, *, hypothesize: bool) -> Iterator[Doubt]:
     """Yield a doubt for each row that is too uncertain to act."""
     if len(plan.members) < 2:
         return
-    gain, second = two_kinds(plan)
-    fails = {k: _fails_at(plan, k, gain) for k in _certain_acts(plan)}
-    elsewhere = sorted(fails.keys() - set(plan.shown.switches), key=lambda k: fails[k])
-    doubtful = [k for k in fails if fails[k] > FAILS and k not in elsewhere[1:]]  # a hand acts where it is most certain
+    residuals = np.stack([plan.rows[k].residuals for k in plan.shown.acts])
+    gain, second = two_kinds(residuals, int(np.ceil(SHARE * len(plan.members))))
+    grips = set(plan.shown.switches) if _grips(plan) else set()
+    elsewhere = {*plan.shown.acts, *(k for k, row in enumerate(plan.rows) if row.frame.objects)} - grips
+    fails = {k: _fails_at(plan, k, gain) for k in sorted({*elsewhere, *grips})}
+    surest = min(elsewhere - set(plan.shown.switches), key=lambda k: fails[k], default=None)  # there the hand acts
+    doubtful = [k for k in fails if fails[k] > FAILS and (k in grips or k == surest)]
     for k in doubtful:
         row = plan.rows[k]
         of, off = " and ".join(sorted(row.frame.objects)) or "the world", row.scale
@@ -277,18 +288,13 @@ def _acts(plan: Plan, *, hypothesize: bool) -> Iterator[Doubt]:
             yield from _of_some(plan, second)
 
 
-def _certain_acts(plan: Plan) -> list[int]:
-    """Return the rows in which the hand acts, without the place where a fist closes somewhere on its way."""
-    acts, switches = plan.shown.acts, plan.shown.switches
-    if len(switches) != 1 or len(acts) == 1 or script.expected(plan.members[0].order):
-        return list(acts)
-    steps = [2 * gap for gap in _gaps(plan, switches[0])]
-    return [k for k in acts if k not in switches or _common(plan.rows[k].residuals[:3], steps)]
+def _grips(plan: Plan) -> bool:
+    """Return whether the gripper's switches are acts; a single one that words do not ask for closes a fist anywhere."""
+    return len(plan.shown.switches) > 1 or bool(script.expected(plan.members[0].order))
 
 
 def _of_some(plan: Plan, second: Which) -> Iterator[Doubt]:
-    found: list[tuple[Hypothesis, float]] = explained_in(plan.shown.taking(plan.shown.acts), second)
-    for fault, gain in found[:1]:
+    for fault, gain in explained(plan.shown.taking(plan.shown.acts), second)[:1]:
         said = f"probably {fault.says} in {', '.join(_ids(plan, second))} (by {gain:.0f} nats): {fault.remedy}"
         yield Doubt(fault.code, "info", said)
 
@@ -297,58 +303,31 @@ def _ids(plan: Plan, which: Which) -> list[str]:
     return [item.id for item, member in zip(plan.members, which, strict=True) if member]
 
 
-def two_kinds(plan: Plan) -> tuple[float, Which]:
-    """Return the nats by which two kinds of acting explain the acting rows better than one, and who is of the second.
-
-    The kinds are parted along the first two principal components of the residuals.
-    """
-    number = len(plan.members)
-    nobody = np.zeros(number, dtype=bool)
-    least = int(np.ceil(SHARE * number))
-    if number < 2 * 2:
-        return 0.0, nobody
-    residuals = np.stack([plan.rows[k].residuals for k in _certain_acts(plan)])  # (R, 6, N)
-    scaled = (residuals / (3 * np.repeat([FLOOR_M, FLOOR_RAD], 3))[:, None]).reshape(-1, number)
-    scaled = np.clip(scaled - np.median(scaled, axis=1, keepdims=True), -MOST_FLOORS, MOST_FLOORS)
-    _, _, along = np.linalg.svd(scaled - scaled.mean(axis=1, keepdims=True), full_matrices=False)
-    best, who, one = 0.0, nobody, evidence(residuals)
-    for direction in along[:2]:
-        order = np.argsort(direction)
-        for cut in range(least, number - least + 1):
-            second = nobody.copy()
-            second[order[cut:]] = True
-            gains = evidence(residuals[..., second]) + evidence(residuals[..., ~second]) - one - np.log(2)
-            gain = float(np.maximum(gains, 0).sum()) - number * np.log(2)
-            if gain > best:
-                best, who = gain, second
-    return best, who
-
-
-MOST_FLOORS = 20  # residuals farther out part no better
-
-
 def _fails_at(plan: Plan, k: int, gain: float) -> float:
     """Return the probability that the act of a row fails."""
     row = plan.rows[k]
     free = FREE if row.gripper_open else 1.0
     blur = _blur(plan, k) if k in plan.shown.switches else 0.0
-    of_place = _fails(row, 0, free * TOLERANCE_M, gain, blur)
-    return max(of_place, _fails(row, 3, free * TOLERANCE_RAD, gain, 0.0))
+    place, turn = (row.posterior.at((slice(first, first + 3),)) for first in (0, 3))
+    fails = _fails(place, free * TOLERANCE_M, _hidden(HIDDEN, gain), HIDDEN, blur)
+    return max(fails, _fails(turn, free * TOLERANCE_RAD, _hidden(HIDDEN_TURN, gain), HIDDEN_TURN, 0.0))
 
 
-def _fails(row: Row, first: int, tolerance: float, gain: float, blur: float) -> float:
+def _hidden(prior: float, gain: float) -> float:
+    """Return the probability that a row follows something hidden, where two kinds explain `gain` nats more than one."""
+    return float(1 / (1 + (1 / prior - 1) * np.exp(-np.clip(gain, 0, 100))))
+
+
+def _fails(of: Posterior, tolerance: float, hidden: float, prior: float, blur: float) -> float:
     """Return the largest probability that one of three coordinates is off by more than is tolerated.
 
     What scatters is mostly noise, of which the mean is free. Or it follows something hidden, and then a scene is off as
     a demonstration is.
 
     Args:
-        first: of the three coordinates.
-        gain: nats by which demonstrations are of two kinds.
+        hidden: probability of that, and before demonstrations of two kinds were found, `prior`.
         blur: m by which the recorded place of a switch is not known.
     """
-    of = row.posterior.at((slice(first, first + 3),))
-    hidden = 1 / (1 + (1 / HIDDEN - 1) * np.exp(-np.clip(gain, 0, 100)))
     number = of.kept.shape[-1]
     elsewhere = (number - of.number) / (number + 1)
 
@@ -357,7 +336,7 @@ def _fails(row: Row, first: int, tolerance: float, gain: float, blur: float) -> 
         found: Array = 2 * stdtr(of.dof, -times * tolerance * TOLERANCES[:, None] / scale).mean(axis=0)
         return found
 
-    off = HIDDEN * beyond(1, of_mean=False) + (hidden - HIDDEN) * beyond(EXACTLY, of_mean=False)
+    off = prior * beyond(1, of_mean=False) + (hidden - prior) * beyond(EXACTLY, of_mean=False)
     return float(((1 - elsewhere) * off + elsewhere * hidden + (1 - hidden) * beyond(1, of_mean=True)).max())
 
 

@@ -1,6 +1,6 @@
 """Which frames a row may follow, and how probable each is before anything is shown: data with log priors in nats.
 
-TAPAS-GMM (arXiv 2407.13432) finds from demonstrations which of a scene's frames matter to a segment; here there are more
+TAPAS-GMM (arXiv 2407.13432) finds from demonstrations which of a scene's frames matter to a segment; here are more
 candidates (origins of single axes, directions, the hand's start), and a prior prefers the simple ones.
 """
 

@@ -1,8 +1,7 @@
 """What may be wrong with demonstrations, as transformations that undo it; the gain of evidence names the fault.
 
 A new fault of a recorder is one entry of `hypotheses`. Each changes the arrays of all recordings at once (a change of
-single demonstrations would be computed ten times); it is harmless to nobody, so that it is reported and not applied: what
-is harmless, turns of what looks alike, is in `alike`.
+single demonstrations would be computed ten times) and is reported, not applied: what is harmless is in `alike`.
 """
 
 from collections.abc import Callable, Iterator
@@ -50,12 +49,18 @@ def hypotheses(rows: Rows) -> Iterator[Hypothesis]:
     """Yield the faults that recordings may have."""
     order = "send quaternions as x y z w"
     base = "give positions and rotations of hand and objects in one world frame"
-    yield Hypothesis("quaternion-order", "the hand's quaternions have w first", order, _of_hand(lambda q: q[..., W_FIRST]))
-    yield Hypothesis("quaternion-order", "objects' quaternions have w first", order, _of_objects(lambda q: q[..., W_FIRST]))
+    yield Hypothesis(
+        "quaternion-order", "the hand's quaternions have w first", order, _of_hand(lambda q: q[..., W_FIRST])
+    )
+    yield Hypothesis(
+        "quaternion-order", "objects' quaternions have w first", order, _of_objects(lambda q: q[..., W_FIRST])
+    )
     yield Hypothesis("quaternion-inverse", "the hand's rotations are inverse", base, _of_hand(turns.inverse))
     yield Hypothesis("quaternion-inverse", "objects' rotations are inverse", base, _of_objects(turns.inverse))
     yield Hypothesis("yaw-sign", "objects' yaws have the wrong sign", base, _of_objects(_yaw_negated))
-    yield Hypothesis("hand-in-another-frame", "the hand is mirrored", base, _moved(lambda p: p * MIRROR, lambda q: q * MIRROR_TURN))
+    yield Hypothesis(
+        "hand-in-another-frame", "the hand is mirrored", base, _moved(lambda p: p * MIRROR, lambda q: q * MIRROR_TURN)
+    )
     swapped = _moved(lambda p: p[..., [1, 0, 2]], lambda q: q)
     yield Hypothesis("hand-in-another-frame", "the hand's x and y are exchanged", base, swapped)
     for degrees in (90, -90, 180):
@@ -70,21 +75,18 @@ def hypotheses(rows: Rows) -> Iterator[Hypothesis]:
         yield Hypothesis("names-exchanged", said, "check which object is which", _exchanged(one, other))
 
 
-def explained(rows: Rows) -> list[tuple[Hypothesis, float]]:
+def explained(rows: Rows, which: Which | None = None) -> list[tuple[Hypothesis, float]]:
     """Return hypotheses under which recordings gain evidence, with the gain in nats, the best first.
 
     Args:
         rows: those in which the hand acts.
+        which: (N,) the recordings that have the fault; None: all.
     """
     now = log_evidence(rows)
-    gains = [(one, _gain(one, one.change(rows), rows, now)) for one in hypotheses(rows)]
-    return sorted(((one, gain) for one, gain in gains if gain > 0), key=lambda pair: -pair[1])
-
-
-def explained_in(rows: Rows, which: Which) -> list[tuple[Hypothesis, float]]:
-    """Return the same of faults that only some recordings (N,) have."""
-    now = log_evidence(rows)
-    gains = [(one, _gain(one, _mixed(one.change(rows), rows, which), rows, now)) for one in hypotheses(rows)]
+    changed = ((one, one.change(rows)) for one in hypotheses(rows))
+    gains = [
+        (one, _gain(one, other if which is None else _mixed(other, rows, which), rows, now)) for one, other in changed
+    ]
     return sorted(((one, gain) for one, gain in gains if gain > 0), key=lambda pair: -pair[1])
 
 
@@ -94,7 +96,7 @@ def _gain(one: Hypothesis, changed: Rows, rows: Rows, now: float) -> float:
 
 
 def log_evidence(rows: Rows) -> float:
-    """Return how probable rows are, with what one knows of hands and objects: upright, pointing down, starting alike."""
+    """Return how probable rows are, with what one knows: objects stand upright, hands point down and start alike."""
     total = sum(row.log_evidence for row in choose(rows))
     up = np.median(turns.rotated(rows.scenes.turn, turns.UP)[..., 2], axis=0)
     upright = np.count_nonzero(np.arccos(np.clip(up, -1, 1)) < UPRIGHT_RAD)

@@ -6,8 +6,9 @@ from functools import cached_property
 
 from app.pipeline.skill import doubts
 from app.pipeline.skill.density import SceneDensity, Surprise
-from app.pipeline.skill.doubts import Doubt
+from app.pipeline.skill.doubts import DANGER_P, Doubt
 from app.pipeline.skill.fit import Plan, plans_of
+from app.pipeline.skill.left_out import left_out, scenes_left_out
 from app.pipeline.skill.recording import Recording
 from app.pipeline.skill.scene import Scene
 from roboprompt_client.types.poses import EndEffectorAction
@@ -39,7 +40,14 @@ class Skill:
     @cached_property
     def of_demonstrations(self) -> tuple[Doubt, ...]:
         """The doubts that do not depend on a scene."""
-        return tuple(doubts.of_demonstrations(self.plans, self.recordings, hypothesize=True))
+        found = doubts.of_demonstrations(self.plans, self.recordings, hypothesize=True)
+        return (*found, *map(doubts.of_left_out, self.left_out()))
+
+    def left_out(self, most_p: float = DANGER_P) -> list[Surprise]:
+        """Return what of each demonstration, its acts and its scene, is less probable than `most_p` by the others."""
+        acts = [one for plan in self.plans for one in left_out(plan, most_p)]
+        scenes, ids = [item.scene for item in self.recordings], [item.id for item in self.recordings]
+        return sorted([*acts, *scenes_left_out(scenes, ids, most_p)], key=lambda one: one.p)
 
     def of_answer(self, actions: Sequence[EndEffectorAction], scene: Scene, most_p: float) -> list[Surprise]:
         """Return the coordinates of an answer's actions that are less probable than `most_p`."""

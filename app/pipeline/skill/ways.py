@@ -23,7 +23,9 @@ from roboprompt_client.types.arrays import Array
 
 LEAST = 3  # recordings of a way: fewer fix no frame
 WORTH = 20.0  # nats that two ways must explain more than one: right recordings of one way stay below it
+TOLD = 4.0  # nats by which a quantity must tell ways apart, beyond the choice of the quantity: chance often does
 VARIES = 5  # floors by which a quantity must vary to tell ways apart
+MOST_FLOORS = 20  # residuals farther out part no better
 JEFFREYS = 0.5  # of the share of a way on one side of a cut
 
 Which = npt.NDArray[np.bool_]
@@ -85,17 +87,35 @@ class Split(NamedTuple):
 
 
 def split(scenes: Scene, fitted: Sequence[Row]) -> Split | None:
-    """Return what tells two ways apart whose residuals agree better each on its own; None where one way is enough."""
+    """Return two ways whose residuals agree better each on its own, if a quantity of the scene tells them apart."""
     residuals = np.stack([row.residuals for row in fitted])  # (R, 6, N)
+    gain, second = two_kinds(residuals, LEAST)
+    return told_apart(scenes, second) if gain > WORTH else None
+
+
+def two_kinds(residuals: Array, least: int) -> tuple[float, Which]:
+    """Return the nats by which two kinds explain residuals (R, 6, N) better than one, and who is of the second.
+
+    The kinds are parted along the first two principal components of the residuals; each has `least` members.
+    """
     number = residuals.shape[-1]
-    cuts = {} if number < 2 * LEAST else _cuts(scenes, LEAST)
-    one, best, found = evidence(residuals), WORTH + np.log(max(len(cuts), 1)), None
-    for tried in cuts.values():
-        second = tried.second
-        gains = evidence(residuals[..., second]) + evidence(residuals[..., ~second]) - one - np.log(2)
-        if (gain := float(np.maximum(gains, 0).sum())) > best:
-            best, found = gain, tried
-    return found
+    nobody = np.zeros(number, dtype=bool)
+    if number < max(2 * least, LEAST):
+        return 0.0, nobody
+    scaled = (residuals / (3 * np.repeat([FLOOR_M, FLOOR_RAD], 3))[:, None]).reshape(-1, number)
+    scaled = np.clip(scaled - np.median(scaled, axis=1, keepdims=True), -MOST_FLOORS, MOST_FLOORS)
+    _, _, along = np.linalg.svd(scaled - scaled.mean(axis=1, keepdims=True), full_matrices=False)
+    best, who, one = 0.0, nobody, evidence(residuals)
+    for direction in along[:2]:
+        order = np.argsort(direction)
+        for cut in range(least, number - least + 1):
+            second = nobody.copy()
+            second[order[cut:]] = True
+            gains = evidence(residuals[..., second]) + evidence(residuals[..., ~second]) - one - np.log(2)
+            gain = float(np.maximum(gains, 0).sum()) - number * np.log(2)
+            if gain > best:
+                best, who = gain, second
+    return best, who
 
 
 def told_apart(scenes: Scene, second: Which) -> Split | None:
@@ -104,14 +124,14 @@ def told_apart(scenes: Scene, second: Which) -> Split | None:
     The kind on each side of the cut is Bernoulli distributed with Jeffreys' prior: its evidence is a ratio of beta
     functions.
     """
-    cuts = _cuts(scenes, 1)
 
     def of(which: Which) -> float:
         return float(betaln(which.sum() + JEFFREYS, (~which).sum() + JEFFREYS) - betaln(JEFFREYS, JEFFREYS))
 
-    gains = [(of(second[cut.second]) + of(second[~cut.second]) - of(second), cut) for cut in cuts.values()]
+    cuts, number = _cuts(scenes)
+    gains = [(of(second[cut.second]) + of(second[~cut.second]) - of(second), cut) for cut in cuts]
     gain, best = max(gains, key=lambda one: one[0], default=(0.0, None))
-    if best is None or gain < np.log(len(cuts)):
+    if best is None or gain < TOLD + np.log(number):
         return None
     above = 2 * int((second & best.second).sum()) > int(best.second.sum())
     first, other = best.conditions
@@ -124,16 +144,18 @@ def evidence(residuals: Array) -> Array:
     return np.concatenate([place, posterior(residuals[:, 3:], FLOOR_RAD, WIDTH_RAD).log_evidence], axis=1)
 
 
-def _cuts(scenes: Scene, least: int) -> dict[bytes, Split]:
-    """Return every division of N scenes by a quantity, each by the quantity that divides it most clearly."""
+def _cuts(scenes: Scene) -> tuple[list[Split], int]:
+    """Return every division of N scenes by a quantity, each by that which divides it most clearly; how many vary."""
     best: dict[bytes, tuple[float, Split]] = {}
+    varying = 0
     for quantity in _quantities(scenes.keys):
         values = quantity.of(scenes)
         order = np.argsort(values)
         ascending, reach = values[order], float(np.ptp(values))
         if reach < VARIES * FLOOR_M:
             continue
-        for n in range(least, len(values) - least + 1):
+        varying += 1
+        for n in range(1, len(values)):
             second = np.zeros(len(values), dtype=bool)
             second[order[n:]] = True
             gap = float(ascending[n - 1]), float(ascending[n])
@@ -141,7 +163,7 @@ def _cuts(scenes: Scene, least: int) -> dict[bytes, Split]:
             if margin > best.get(second.tobytes(), (0.0,))[0]:
                 below, above = (Condition(quantity, cut, side, gap) for side in (False, True))
                 best[second.tobytes()] = margin, Split(second, (below, above))
-    return {key: found for key, (_, found) in best.items()}
+    return [found for _, found in best.values()], varying
 
 
 def _quantities(keys: Sequence[str]) -> Iterator[Quantity]:
