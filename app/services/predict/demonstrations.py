@@ -19,6 +19,8 @@ from app.pipeline.plans.choice import PlanChooser
 from app.pipeline.plans.recording import Recording, alike_turned
 from app.pipeline.plans.symmetry import Symmetries, folded, shown_symmetries
 from app.pipeline.plans.tries import without_tries
+from app.pipeline.skill.recording import Recording as SkillRecording
+from app.pipeline.skill.skills import Skills
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.poses import compared
@@ -100,6 +102,19 @@ def recordings_of(
     return made_by_group(recordings, _FORM, alike_turned) if settings.gripper_symmetry_deg else recordings
 
 
+def skills_of(
+    connection: Connection, records: Sequence[DemonstrationRecord], settings: TaskSettings, names: Collection[str]
+) -> Skills:
+    """Return the skills of records, with only the objects of these names in their scenes."""
+    trajectories = get_trajectories(connection, [record.id for record in records])
+    stored = [record.demonstration().only(names) for record in records]
+    recordings = [
+        SkillRecording.of(item, settings.motion_of(trajectory, record.control_frequency_hz), settings.yaw_symmetry_deg)
+        for item, record, trajectory in zip(stored, records, trajectories, strict=True)
+    ]
+    return Skills(tuple(recordings), settings.yaw_symmetry_deg)
+
+
 class TaskVersion:
     """What is known of one version of a task whatever a request asks; made when it is needed, shared by requests.
 
@@ -115,6 +130,7 @@ class TaskVersion:
         self.symmetries: Symmetries | None = None
         self.demonstrations: Cache[Ids, Demonstrations] = Cache(MAX_CHOICES)
         self.taught: dict[bool, Taught] = {}
+        self.skills: Skills | None = None
 
 
 class TaskReading:
@@ -194,6 +210,20 @@ class TaskReading:
     def _held_against(self) -> Ids:
         """The ids of the demonstrations with which answers are compared."""
         return self._scenes.most_diverse(MAX_HELD_AGAINST)
+
+    @property
+    def skills(self) -> Skills:
+        """The skills of all demonstrations of the task, of more than 50 of those whose scenes lie farthest apart.
+
+        Raises:
+            NoDemonstrationsError: if there is none, or all are left out.
+        """
+        if self.kept.skills is None:
+            if not (ids := self._held_against):
+                raise NoDemonstrationsError(self.record.name)
+            records = episodes.demonstrations_by_id(self.connection, self.record.name, ids)
+            self.kept.skills = skills_of(self.connection, records, self.kept.settings, self.record.object_names or ())
+        return self.kept.skills
 
     def taught(self, from_start: bool) -> Taught:
         """Return all demonstrations of the task (of more than 50 those whose scenes lie farthest apart) for comparison.

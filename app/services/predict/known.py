@@ -11,6 +11,7 @@ from app.llm.base import ModelProfile
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.units import check_meters, check_scene_units
 from app.pipeline.names import check_object_names
+from app.pipeline.skill.skills import Skills
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
 from app.services.extract import reading
@@ -40,6 +41,7 @@ class Known:
         profile: of the model to ask.
         demonstrations: those that the request names, or that its selection finds; symmetric objects are folded.
         taught: all demonstrations of the task, with which an answer is compared.
+        skills: of the same demonstrations.
         observed: the objects of the task, in its order, as the robot sent them or as images show them.
         objects: the same with symmetric objects turned to the side that demonstrations have.
         absent: names of the task's objects that were not observed.
@@ -51,6 +53,7 @@ class Known:
     style: PromptStyle
     demonstrations: Demonstrations
     taught: Taught
+    skills: Skills
     observed: tuple[ObjectPose, ...]
     objects: tuple[ObjectPose, ...]
     absent: tuple[str, ...]
@@ -117,6 +120,7 @@ class KnownReader:
             style,
             demonstrations,
             taught,
+            task.skills,
             observed,
             objects=task.folded(observed),
             absent=tuple(name for name in names if name not in poses),
