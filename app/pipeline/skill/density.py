@@ -7,7 +7,7 @@ demonstrations widen the predictive and switch nothing off (Murphy 2007, with th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, permutations
 from typing import Literal, NamedTuple
 
@@ -79,6 +79,7 @@ class SceneDensity:
         scenes: by name, of the demonstrations.
         coordinates: (C,); `origin`: (K + 1,) the mean yaws of objects and hand.
         values: (N, C) of the demonstrations; `kept`: which are not in another world than the others.
+        least: (C,) errors of measurements.
         center: (C,); `sigma`, `weight`: (C, G) of the normal distributions.
     """
 
@@ -87,6 +88,7 @@ class SceneDensity:
     origin: Array
     values: Array
     kept: npt.NDArray[np.bool_]
+    least: Array
     center: Array
     sigma: Array
     weight: Array
@@ -114,7 +116,7 @@ class SceneDensity:
         log = prior - (number[:, None] - 1) * np.log(spread) - squares[:, None] / (2 * spread**2)
         weight = np.exp(log - logsumexp(log, axis=1, keepdims=True))
         sigma = np.sqrt(spread**2 * (1 + 1 / number[:, None]) + least[:, None] ** 2)
-        return cls(scenes, coordinates, origin, values, kept, center, sigma, weight)
+        return cls(scenes, coordinates, origin, values, kept, least, center, sigma, weight)
 
     def surprises(self, scene: Scene, most_p: float) -> list[Surprise]:
         """Return what of a scene is less probable than `most_p`, the least probable first."""
@@ -136,7 +138,7 @@ class SceneDensity:
         off = np.abs(values - self.center)[:, None] / self.sigma
         p = (self.weight * 2 * ndtr(-off)).sum(axis=1)
         own = np.array([item.of_world for item in self.coordinates])
-        p = np.where(own, np.minimum(p, _beyond(self.values, self.kept, values, self._least)), p)
+        p = np.where(own, np.minimum(p, _beyond(self.values, self.kept, values, self.least)), p)
         distance = np.array([item.kind == "distance" for item in self.coordinates])
         shown = np.where(self.kept, self.values, np.inf).min(axis=0)
         inside = distance & (values < np.log(INSIDE_M)) & (shown > np.log(INSIDE_M))
@@ -149,8 +151,8 @@ class SceneDensity:
         for one, other in combinations(range(len(plain.keys)), 2):
             order = list(range(len(plain.keys)))
             order[one], order[other] = other, one
-            swapped = plain.only([plain.keys[k] for k in order])
-            gain = self._log_density(_renamed(swapped, plain)) - now
+            swapped = replace(plain, place=plain.place[order], turn=plain.turn[order])
+            gain = self._log_density(swapped) - now
             found.append((plain.keys[one], plain.keys[other], gain))
         return found
 
@@ -160,10 +162,6 @@ class SceneDensity:
         own = np.array([item.of_world for item in self.coordinates]) & ~np.isnan(values)
         off = (values - self.center)[own, None] / self.sigma[own]
         return float(logsumexp(-(off**2) / 2 - np.log(self.sigma[own]), b=self.weight[own] + _TINY, axis=1).sum())
-
-    @property
-    def _least(self) -> Array:
-        return np.array([_LEAST[item.kind] for item in self.coordinates])
 
 
 _TINY = 1e-9
@@ -182,13 +180,6 @@ _PRIOR: dict[Kind, Sequence[float] | Array] = {
     "level": ANYWHERE, "yaw": ANYWHERE, "distance": ANYWHERE, "height": _falling(FIXED), "tilt": _falling(FIXED),
     "hand place": _falling(LEFT), "hand tilt": _falling(LEFT), "hand yaw": _falling(LEFT),
 }  # fmt: skip
-
-
-def _renamed(scene: Scene, like: Scene) -> Scene:
-    """Return the objects of one scene under the names, in the order, of another."""
-    return Scene(
-        like.keys, scene.place, scene.turn, scene.start, scene.start_turn, like.symmetry, like.names, scene.measured
-    )
 
 
 def _coordinates(scenes: Scene) -> tuple[Coordinate, ...]:

@@ -68,27 +68,22 @@ class Doubt:
         return self.severity == "danger"
 
 
-def of_demonstrations(plans: Sequence[Plan], recordings: Sequence[Recording], *, hypothesize: bool) -> Iterator[Doubt]:
-    """Yield the doubts that depend on demonstrations only, causes first.
-
-    Args:
-        hypothesize: whether faults are sought that explain what is improbable; takes most of the time.
-    """
+def of_demonstrations(plans: Sequence[Plan], recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    """Yield the doubts that depend on demonstrations only, causes first."""
     usual = next((plan for plan in plans if not plan.when), plans[0])
-    for plan in plans:
-        if hypothesize and len(plan.members) > 1 and (plan.when or plan is usual):
-            yield from _faults(plan)
-    yield from _scripts(plans, usual)
+    used = [plan for plan in plans if plan.when or plan is usual]
+    for plan in used:
+        yield from _faults(plan)
+    yield from _scripts(plans, [item for plan in plans if plan not in used for item in plan.members])
     yield from _events(plans, recordings)
-    for plan in plans:
-        if plan.when or plan is usual:
-            yield from _objects(plan)
-            yield from _clock(plan)
-            yield from _acts(plan, hypothesize=hypothesize)
+    for plan in used:
+        yield from _objects(plan)
+        yield from _clock(plan)
+        yield from _acts(plan)
     yield from _repeated(recordings)
 
 
-def of_scene(plan: Plan, plans: Sequence[Plan], density: SceneDensity, scene: Scene) -> Iterator[Doubt]:
+def of_scene(plan: Plan, density: SceneDensity, scene: Scene) -> Iterator[Doubt]:
     """Yield the doubts about a scene that a plan is placed in."""
     matter = _followed(plan, scene)
     for one in density.surprises(scene, DOUBT_P):
@@ -135,31 +130,30 @@ def _followed(plan: Plan, scene: Scene) -> set[str]:
 
 
 def _unusual(one: Surprise) -> str:
-    turns_, (low, high) = one.coordinate.startswith(("yaw",)), one.usual
-    scale, unit = (180 / np.pi, "degrees") if turns_ else (1.0, "" if one.coordinate.startswith("tilt") else " m")
-    value, low, high = scale * one.value, scale * low, scale * high
+    scale, unit = (180 / np.pi, " degrees") if one.coordinate == "yaw" else (1.0, " m")
+    value, low, high = (scale * number for number in (one.value, *one.usual))
+    unit = "" if one.coordinate.startswith("tilt") else unit
     said = f"{one.about}: {one.coordinate} is {value:.3f}{unit}, demonstrations have {low:.3f} to {high:.3f}{unit}"
     return f"{said}: check its pose, or record demonstrations with scenes like this one"
 
 
 def _faults(plan: Plan) -> Iterator[Doubt]:
     """Yield the fault that explains all recordings of a plan better than what they say."""
+    if len(plan.members) < 2:
+        return
     for fault, gain in explained(plan.shown.taking(plan.shown.acts))[:1]:
         said = f"probably {fault.says} in all demonstrations (by {gain:.0f} nats of evidence): {fault.remedy}"
         yield Doubt(fault.code, "danger" if gain > EXPLAINED else "info", said)
 
 
-def _scripts(plans: Sequence[Plan], usual: Plan) -> Iterator[Doubt]:
-    """Yield a doubt where many recordings switch the gripper otherwise and nothing of the scene says when."""
+def _scripts(plans: Sequence[Plan], others: Sequence[Recording]) -> Iterator[Doubt]:
+    """Yield a doubt where recordings switch the gripper otherwise and nothing of the scene says when."""
     number = sum(len(plan.members) for plan in plans)
-    others = [item for plan in plans if not plan.when and plan is not usual for item in plan.members]
-    if len(others) > SHARE * number:
-        names = ", ".join(item.id for item in others[:3])
-        said = f"{len(others)} of {number} demonstrations switch the gripper otherwise, as {names}: nothing says when"
-        yield Doubt("several-scripts", "danger", f"{said}; leave them out")
-    elif others:
-        said = f"{len(others)} of {number} demonstrations switch the gripper otherwise and are not used"
-        yield Doubt("several-scripts", "info", said)
+    if others:
+        names = ", ".join(item.id for item in others)
+        said = f"demonstrations {names} of {number} switch the gripper otherwise, and nothing of the scene says when"
+        severity: Severity = "danger" if len(others) > SHARE * number else "info"
+        yield Doubt("several-scripts", severity, f"{said}: they are not used; leave them out, or record them anew")
 
 
 def _events(plans: Sequence[Plan], recordings: Sequence[Recording]) -> Iterator[Doubt]:
@@ -186,6 +180,7 @@ def _objects(plan: Plan) -> Iterator[Doubt]:
     """Yield a doubt where rows follow another object than words say."""
     rows, item = plan.shown, plan.members[0]
     role = dict(zip(item.scene.names, item.scene.keys, strict=True))
+    named = {key: name for name, key in role.items()}
     wanted = script.expected(item.order)
     _, pairs = script.matched(wanted, script.events(item), item.scene.names)
     for one, event in zip(wanted, pairs, strict=True):
@@ -194,12 +189,16 @@ def _objects(plan: Plan) -> Iterator[Doubt]:
         row = plan.rows[rows.switches[event]]
         keys = [role[name] for name in one.objects if role.get(name) in row.rivals]
         if _gap(row, keys) > OTHER_OBJECT * rows.number:
-            follows = max(row.rivals, key=lambda key: row.rivals[key])
-            yield _other(follows, one.objects[0])
-    if not wanted and (named := [key for key in rows.scenes.keys if is_named(key)]):
-        acts = [plan.rows[k] for k in rows.acts]
-        if min(_gap(row, named) for row in acts) > OTHER_OBJECT * rows.number:
-            yield _other(max(acts[-1].rivals, key=lambda key: acts[-1].rivals[key]), " or ".join(item.order.objects))
+            yield _other(named[_best(row)], one.objects[0])
+    if not wanted and item.order.objects:
+        acts, keys = [plan.rows[k] for k in rows.acts], [key for key in rows.scenes.keys if is_named(key)]
+        if min(_gap(row, keys) for row in acts) > OTHER_OBJECT * rows.number:
+            yield _other(named[_best(acts[-1])], " or ".join(item.order.objects))
+
+
+def _best(row: Row) -> str:
+    """Return the key of the object that a row rather follows than any other."""
+    return max(row.rivals, key=lambda key: row.rivals[key])
 
 
 def _gap(row: Row, keys: Sequence[str]) -> float:
@@ -214,28 +213,15 @@ def _other(follows: str, named: str) -> Doubt:
 
 def _clock(plan: Plan) -> Iterator[Doubt]:
     """Yield a doubt where the gripper's switches fit the motion better some time earlier or later."""
-    pairs = [
-        item for item in plan.members
-        if any(event.opens for event in script.events(item)) or script.expected(item.order)
-    ]  # fmt: skip
+    pairs = [m for m in plan.members if any(e.opens for e in script.events(m)) or script.expected(m.order)]
     if 2 * len(pairs) <= len(plan.members):
         return
-    now = np.array([_fits(item, plan, 0.0) for item in pairs])
-    gains = [float(np.median([_fits(item, plan, s) for item in pairs] - now)) for s in SHIFTS_S]
+    now = np.array([script.fits(item, 0.0) for item in pairs])
+    gains = [float(np.median([script.fits(item, s) for item in pairs] - now)) for s in SHIFTS_S]
     best = int(np.argmax(gains))
     if gains[best] > CLOCK:
         said = f"the gripper fits the motion better {SHIFTS_S[best]:+.1f} s later: send it by the clock of the poses"
         yield Doubt("gripper-clock", "danger", said)
-
-
-def _fits(item: Recording, plan: Plan, shift_s: float) -> float:
-    """Return how well a recording's switches fit to hands that rest and to objects that stand there, in nats."""
-    total = script.slowness(item, shift_s)
-    for event in script.events(item):
-        frame = script.shifted(item, event.frame, shift_s)
-        away = np.linalg.norm(item.scene.place - item.motion.trajectory.positions_m[frame], axis=1)
-        total += script.log_t(float(away.min(initial=np.inf)))
-    return total
 
 
 def _excused(plan: Plan) -> set[str]:
@@ -264,7 +250,7 @@ def _common(places: Array, steps_m: Sequence[float]) -> bool:
     return bool((np.log(BROKEN_M / one) + scatter**2 / 2 * (BROKEN_M**-2 - one**-2)).sum() > 0)
 
 
-def _acts(plan: Plan, *, hypothesize: bool) -> Iterator[Doubt]:
+def _acts(plan: Plan) -> Iterator[Doubt]:
     """Yield a doubt for each row that is too uncertain to act."""
     if len(plan.members) < 2:
         return
@@ -284,7 +270,7 @@ def _acts(plan: Plan, *, hypothesize: bool) -> Iterator[Doubt]:
     if second.any() and gain > 0:
         said = f"demonstrations {', '.join(_ids(plan, second))} act in another way than the others"
         yield Doubt("several-ways", "info", f"{said} (by {gain:.0f} nats of evidence)")
-        if doubtful and hypothesize:
+        if doubtful:
             yield from _of_some(plan, second)
 
 

@@ -104,8 +104,8 @@ def matched(wanted: Sequence[Expected], found: Sequence[Event], names: Sequence[
             if one.opens == event.opens:
                 edits.append(prices[i - 1, j - 1] + _elsewhere(one, event, names))
             prices[i, j] = max(edits)
-    i, j, pairs = len(wanted), len(found), [None] * len(wanted)
-    of: list[int | None] = list(pairs)
+    i, j = len(wanted), len(found)
+    of: list[int | None] = [None] * i
     while i and j:
         if prices[i, j] == prices[i, j - 1]:
             j -= 1
@@ -180,16 +180,18 @@ def _stays(recording: Recording, frame: int) -> bool:
     return bool(way_m[frame:].max() < STILL_M < way_m[:frame].max(initial=0.0))
 
 
-def slowness(recording: Recording, shift_s: float) -> float:
-    """Return how well the gripper's switches fit to hands that rest there, in nats, with its clock shifted."""
-    speeds = recording.motion.hand_speeds_m_s
+def fits(recording: Recording, shift_s: float) -> float:
+    """Return how well switches fit to hands that rest and to objects that stand there, in nats.
+
+    Args:
+        shift_s: of the gripper's clock.
+    """
+    times_s, speeds = recording.motion.times_s, recording.motion.hand_speeds_m_s
     moving = speeds[speeds > SLOW_M_S]
     slow = max(SLOW_M_S, SLOW * float(np.median(moving))) if len(moving) else SLOW_M_S
-    frames = [shifted(recording, event.frame, shift_s) for event in events(recording)]
-    return -float(sum(min(speeds[frame] / slow, MOST_SLOW) for frame in frames))
-
-
-def shifted(recording: Recording, frame: int, shift_s: float) -> int:
-    """Return the frame that comes so much later."""
-    times_s = recording.motion.times_s
-    return int(np.clip(np.searchsorted(times_s, times_s[frame] + shift_s), 0, len(times_s) - 1))
+    total = 0.0
+    for event in events(recording):
+        frame = int(np.clip(np.searchsorted(times_s, times_s[event.frame] + shift_s), 0, len(times_s) - 1))
+        away = np.linalg.norm(recording.scene.place - recording.motion.trajectory.positions_m[frame], axis=1)
+        total += log_t(float(away.min(initial=np.inf))) - min(float(speeds[frame]) / slow, MOST_SLOW)
+    return total

@@ -35,12 +35,12 @@ class Skill:
 
     def of_scene(self, scene: Scene) -> list[Doubt]:
         """Return the doubts about a scene."""
-        return list(doubts.of_scene(self.plan_for(scene), self.plans, self.scene, scene))
+        return list(doubts.of_scene(self.plan_for(scene), self.scene, scene))
 
     @cached_property
     def of_demonstrations(self) -> tuple[Doubt, ...]:
         """The doubts that do not depend on a scene."""
-        found = doubts.of_demonstrations(self.plans, self.recordings, hypothesize=True)
+        found = doubts.of_demonstrations(self.plans, self.recordings)
         return (*found, *map(doubts.of_left_out, self.left_out()))
 
     def left_out(self, most_p: float = DANGER_P) -> list[Surprise]:
