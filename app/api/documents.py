@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from app.llm.computed import YARDSTICKS
 from app.pipeline.order.order import Order
 from app.pipeline.prompt import Prompt
-from app.pipeline.representation import fit_codec
+from app.pipeline.representation.absolute import AbsoluteCodec
 from app.pipeline.workspace import Workspace, discretize_actions, object_bins
 from app.services.measures import timings
 from app.services.predict.question import Question
@@ -38,7 +38,7 @@ def episode_document(record: EpisodeRecord, settings: TaskSettings) -> JsonObjec
     demonstration = record.demonstration()
     demonstration = replace(demonstration, objects=settings.canonical(demonstration.objects))
     prompt_format = "authors" if settings.prompt_format == "authors" else "paper"
-    codec = fit_codec("absolute", prompt_format, [demonstration], workspace)
+    codec = AbsoluteCodec(workspace, (demonstration,), with_instruction=prompt_format == "paper")
     return {
         **_fields(record, "id", "task", "instruction", "num_frames", "control_frequency_hz"),
         "keyframes": [_keyframe(item, workspace) for item in record.keyframes],

@@ -7,6 +7,7 @@ from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Motion, find_keyframes
 from app.pipeline.representation import fit_codec
 from app.pipeline.representation.base import REPRESENTATIONS, usual_format
+from app.pipeline.skill.shown import shown_as_they_are
 from app.pipeline.spans import Span, prompt_spans
 from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.setting_parts import KeyframeSettings
@@ -127,13 +128,13 @@ def episode_texts(
         demonstrations: as the prompt shows them.
         shown: which of the demonstrations, all of which the representations are fitted to.
     """
-    texts = []
+    texts, written = [], shown_as_they_are(demonstrations)
     for name in sorted(REPRESENTATIONS, key=lambda name: name != usual_representation):
         usual = name == usual_representation
         prompt_format = format_asked if usual else usual_format(name, format_asked)
         try:
-            codec = fit_codec(name, prompt_format, demonstrations, settings.workspace.workspace())
-            text, error = codec.demonstration_text(demonstrations[shown]), ""
+            codec = fit_codec(name, prompt_format, written, settings.workspace.workspace())
+            text, error = codec.demonstration_text(written[shown].demonstration), ""
         except InvalidInputError as refused:
             text, error = "", str(refused)
         texts.append(EpisodeText(name, prompt_format, usual, prompt_spans(text, name, prompt_format), error))

@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 
-from app.pipeline.episode import Demonstration
 from app.pipeline.representation.absolute import AbsoluteCodec
 from app.pipeline.representation.action_tokens import ActionTokensCodec
 from app.pipeline.representation.base import SUMS_FORMAT, Codec, check_style
 from app.pipeline.representation.object_frame import ObjectFrameCodec
 from app.pipeline.representation.parts import PartsCodec
 from app.pipeline.representation.sums import SumsCodec
+from app.pipeline.skill.shown import Shown
 from app.pipeline.workspace import Workspace
 from roboprompt_client.errors import InvalidInputError
 
@@ -16,10 +16,10 @@ from roboprompt_client.errors import InvalidInputError
 def fit_codec(
     representation: str,
     prompt_format: str,
-    demonstrations: Sequence[Demonstration],
+    shown: Sequence[Shown],
     workspace: Workspace,
 ) -> Codec:
-    """The named representation, fitted to the demonstrations of one prompt.
+    """The named representation of the demonstrations of one prompt.
 
     Args:
         prompt_format: `paper` puts the instruction into the observation, `authors` leaves it out, `sums`
@@ -30,14 +30,15 @@ def fit_codec(
             demonstrations, or for `parts` that the demonstrations do not have in common.
     """
     check_style(representation, prompt_format)
-    if not demonstrations:
+    if not shown:
         raise InvalidInputError("demonstrations", "there are none", "at least one uploaded episode")
     with_instruction = prompt_format == "paper"
     if representation == "object_frame":
-        return ObjectFrameCodec.fit(demonstrations, workspace, with_instruction)
+        return ObjectFrameCodec.of(shown, workspace, with_instruction)
+    if prompt_format == SUMS_FORMAT:
+        return SumsCodec.of(shown, workspace)
+    demonstrations = tuple(item.demonstration for item in shown)
     if representation == "parts":
         return PartsCodec.fit(demonstrations, with_instruction)
-    if prompt_format == SUMS_FORMAT:
-        return SumsCodec.fit(demonstrations, workspace)
     codec = AbsoluteCodec if representation == "absolute" else ActionTokensCodec
-    return codec(workspace, tuple(demonstrations), with_instruction)
+    return codec(workspace, demonstrations, with_instruction)

@@ -18,15 +18,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
-from app.pipeline.representation.anchors import (
-    MIXED_FRAMES,
-    OBJECT_FRAMES,
-    Anchor,
-    anchor_pose,
-    hand_poses,
-    tilted_objects,
-)
+from app.pipeline.representation.frame_text import CODES
+from app.pipeline.representation.object_frame import tilted_objects
 from app.pipeline.representation.part import Part, Spot, SpotAction, kind_of, scenes_before
+from app.pipeline.skill import turns
+from app.pipeline.skill.rows import seen_from
+from app.pipeline.skill.scene import Scene
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
@@ -141,20 +138,19 @@ def _candidates(demonstration: Demonstration, tilted: frozenset[str]) -> list[li
     actions, scenes = demonstration.actions, scenes_before(demonstration)
     if not actions:
         return []
-    positions_m, hands = hand_poses(actions)
-    kept = (hands[:-1].inv() * hands[1:]).as_quat()
+    hands = np.array([action.quaternion_xyzw for action in actions])
+    kept = turns.product(turns.inverse(hands[:-1]), hands[1:])
     found: list[list[_Candidate]] = [[] for _ in actions]
     for objects, numbers in groupby(range(len(actions)), key=lambda k: scenes[k].objects):
         every = list(numbers)
         for pose, was, weight in _places(demonstration.objects, objects):
-            for frame in (*OBJECT_FRAMES, *MIXED_FRAMES) if pose.quaternion_xyzw is not None else OBJECT_FRAMES[:1]:
-                anchor = Anchor(pose.name, frame, tilted=tilted)
-                offsets_m, rotations = anchor_pose(anchor, Query("", (pose,))).seen(positions_m, hands)
-                turned, spot = rotations.as_quat(), Spot(anchor, was, keeps=False)
+            scene = Scene.of(Query("", (pose,)))
+            for code in CODES if pose.quaternion_xyzw is not None else CODES[:1]:
+                spot = Spot(pose.name, code, pose.name in tilted, was, keeps=False)
                 for k in every:
-                    seen = SpotAction(spot, offsets_m[k], turned[k], actions[k].gripper_open)
-                    found[k].append(_Candidate(seen, weight * (MIXED if frame in MIXED_FRAMES else 1.0)))
-                    if k and frame in OBJECT_FRAMES:
+                    seen = SpotAction(spot, *seen_from(spot.frame, actions[k], scene), actions[k].gripper_open)
+                    found[k].append(_Candidate(seen, weight * (1.0 if len(code) == 1 else MIXED)))
+                    if k and len(code) == 1:
                         keeping = replace(seen, spot=spot._replace(keeps=True), rotation_xyzw=kept[k - 1])
                         found[k].append(_Candidate(keeping, weight))
     return found

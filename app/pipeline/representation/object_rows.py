@@ -1,32 +1,29 @@
-"""The rows of `object_frame`: fitted to demonstrations, written as text, and read from replies."""
+"""The rows of `object_frame`: those of skills, written as text, and read from replies."""
 
 import re
 import string
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.episode import Demonstration, in_order
+from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.order.order import Order
-from app.pipeline.representation.anchor_choice import choose_anchors
-from app.pipeline.representation.anchors import Anchor, AnchorPose, Anchors, relative_row
+from app.pipeline.representation.frame_text import PATTERN
+from app.pipeline.skill.frames import Frame
+from app.pipeline.skill.rows import Row, posed
+from app.pipeline.skill.scene import Scene
 from app.pipeline.workspace import ROTATION_BINS, rotation_bins, rotation_from_bins
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
+from roboprompt_client.types.poses import EndEffectorAction
 
 LETTERS = string.ascii_uppercase
-Integers = npt.NDArray[np.int_]
-
 OFFSET_UNIT_M = 0.005
-# Integers that differ by no more than this over the demonstrations are made equal: small models copy them better.
-JITTER_UNITS = 1
 _ROW = re.compile(
-    r"(\d{1,3}) ([A-Z]{1,2} (?:w|o|ow|wo)(?:>[A-Z]{1,2})?(?: [xyz]=\w+)*(?: [1-9]/10)?|world|start):"
+    rf"(\d{{1,3}}) ({PATTERN}):"
     r" ([+-]\d{1,3}) ([+-]\d{1,3}) ([+-]\d{1,3}) (\d{1,2}) (\d{1,2}) (\d{1,2}) ([01])",
     re.ASCII,
 )
@@ -36,7 +33,7 @@ _NO_ROTATION = re.compile(rf"{_OFFSET}(?P<gripper> [01])", re.ASCII)
 
 
 class RelativePose(NamedTuple):
-    """A pose of the hand relative to an anchor: offset (3,) in meters, and rotation (4,)."""
+    """A pose of the hand as a frame sees it: offset (3,) in meters, and rotation (4,)."""
 
     offset_m: Array
     rotation_xyzw: Array
@@ -47,103 +44,49 @@ class RelativePose(NamedTuple):
         return cls(OFFSET_UNIT_M * np.array(numbers[:3], dtype=float), rotation_from_bins(numbers[3:]).as_quat())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TextRow:
-    """One action in integers.
+    """A row of a skill in integers.
 
     Attributes:
-        numbers: the offset in units, and three rotation bins.
-        mean: of the demonstrations that have this row with these numbers; None where it was not demonstrated.
+        frame: of which rows write the text.
+        numbers: of its mean: the offset in units, and three rotation bins.
     """
 
-    anchor: Anchor
-    numbers: tuple[int, ...]
-    gripper_open: bool
-    mean: RelativePose | None = field(default=None, compare=False, repr=False)
+    row: Row
 
+    @property
+    def frame(self) -> Frame:
+        return self.row.frame
 
-class Step(NamedTuple):
-    """What a row of a plan does at an object, in whichever scene and whatever the object's name.
+    @property
+    def gripper_open(self) -> bool:
+        return self.row.gripper_open
 
-    Attributes:
-        form: of the instruction.
-        anchor: of the row, with the objects that the instruction mentions as roles, such as `<0>`.
-        numbers: of the row, relative to the anchor.
-    """
+    @property
+    def mean(self) -> RelativePose:
+        """The pose that its numbers stand for."""
+        return RelativePose(self.row.place, self.row.turn)
 
-    form: str
-    anchor: Anchor
-    numbers: tuple[int, ...]
-
-    @classmethod
-    def of(cls, demonstration: Demonstration, row: TextRow) -> "Step":
-        """The step of a demonstration's row."""
-        order = demonstration.order
-        roles = {name: order.placeholder(name) for name in order.objects}
-        return cls(order.form, row.anchor.named(roles), row.numbers)
-
-    def row(self, order: Order) -> TextRow:
-        """The row, with the gripper open, where `order`, which has its form, is carried out."""
-        names = {order.placeholder(name): name for name in order.objects}
-        return TextRow(self.anchor.named(names), self.numbers, gripper_open=True)
-
-
-def fit_rows(group: Sequence[Demonstration], tilted: frozenset[str]) -> list[tuple[TextRow, ...]]:
-    """The rows of each demonstration of a group that asks for the same thing in the same number of actions."""
-    planned = all(demonstration.plan is not None for demonstration in group)
-    chosen = choose_anchors(group, tilted, beyond_objects=planned)
-    rows = [_fit_row(group, k, anchors) for k, anchors in enumerate(chosen)]
-    return [tuple(own[place] for own in rows) for place in range(len(group))]
-
-
-def _fit_row(group: Sequence[Demonstration], k: int, anchors: Anchors) -> list[TextRow]:
-    """TextRow `k` of each demonstration, relative to these anchors."""
-    offsets_m, rotations = relative_row(group, k, anchors)
-    offsets = np.rint(offsets_m / OFFSET_UNIT_M).astype(int)
-    numbers = _calmed(np.concatenate([offsets, rotation_bins(rotations)], axis=1))
-    means = _means(offsets_m, rotations, numbers)
-    states = [demonstration.actions[k].gripper_open for demonstration in group]
-    own = zip(anchors, map(tuple, numbers.tolist()), states, means, strict=True)
-    return [TextRow(*row) for row in own]
-
-
-def _means(offsets_m: Array, rotations: Rotation, numbers: Integers) -> list[RelativePose]:
-    """The offsets (N, 3) and N rotations, each axis and the rotation averaged over those with equal numbers (N, 6)."""
-    by_axis = zip(numbers.T[:3], offsets_m.T, strict=True)
-    means_m = np.column_stack([_mean_of_equal(axis_numbers, axis_m) for axis_numbers, axis_m in by_axis])
-    _, groups = np.unique(numbers[:, 3:], axis=0, return_inverse=True)
-    hands = [rotations[groups == group].mean().as_quat() for group in range(groups.max() + 1)]
-    return [RelativePose(mean_m, hands[group]) for mean_m, group in zip(means_m, groups, strict=True)]
-
-
-def _mean_of_equal(keys: Integers, values: Array) -> Array:
-    """For each of N values the mean of those with the same key."""
-    _, groups = np.unique(keys, return_inverse=True)
-    means: Array = (np.bincount(groups, values) / np.bincount(groups))[groups]
-    return means
+    @cached_property
+    def numbers(self) -> tuple[int, ...]:
+        offset = np.rint(self.row.place / OFFSET_UNIT_M).astype(int).tolist()
+        return (*offset, *rotation_bins(Rotation.from_quat(self.row.turn[None]))[0].tolist())
 
 
 def actions_at(
-    anchored: Sequence[AnchorPose], poses: Sequence[RelativePose], grippers: Sequence[bool]
+    frames: Sequence[Frame], poses: Sequence[RelativePose], grippers: Sequence[bool], scene: Scene
 ) -> list[EndEffectorAction]:
-    """The actions of rows in a scene: of each what it is relative to, and its pose seen from there."""
+    """The actions of rows in a scene: of each its frame, and the pose of the hand as that sees it."""
     offsets_m, rotations = map(np.array, zip(*poses, strict=True))
-    positions_m, hands = AnchorPose.stacked(anchored).placed(offsets_m, Rotation.from_quat(rotations))
-    return EndEffectorAction.many(positions_m, hands.as_quat(canonical=True), grippers)
+    positions_m, hands = posed(frames, offsets_m, rotations, scene)
+    return EndEffectorAction.many(positions_m, Rotation.from_quat(hands).as_quat(canonical=True), grippers)
 
 
-def _calmed(numbers: Integers) -> Integers:
-    """(N, 6) integers of one row over N demonstrations; columns that differ by rounding only get their median."""
-    reference = numbers[0].copy()
-    reference[:3] = 0
-    half = ROTATION_BINS // 2
-    relative = numbers - reference
-    relative[:, 3:] = (relative[:, 3:] + half) % ROTATION_BINS - half
-    median = np.sort(relative, axis=0)[len(relative) // 2]
-    calm = np.abs(relative - median).max(axis=0) <= JITTER_UNITS
-    calmed: Integers = np.where(calm, median, relative) + reference
-    calmed[:, 3:] %= ROTATION_BINS
-    return calmed
+def letters_of(query: Query) -> dict[str, str]:
+    """The letters of a scene's objects, by their keys in frames: in the order in which words mention them."""
+    ordered = enumerate(query.ordered_objects)
+    return {query.order.placeholder(pose.name): letter(place) for place, pose in ordered}
 
 
 def row_text(number: int, anchor: str, row: TextRow) -> str:
@@ -200,14 +143,6 @@ def read_row(index: int, row: str, anchors: Collection[str]) -> tuple[str, tuple
         message = f"action {index} has the rotations {list(numbers[3:6])}, expected 0 to {ROTATION_BINS - 1}"
         raise ReplyParseError(message, row)
     return anchor, numbers
-
-
-def anchor_text(anchor: Anchor, objects: Sequence[ObjectPose], order: Order) -> str:
-    """An anchor of a scene as its rows write it."""
-    if not anchor.object_name:
-        return anchor.frame
-    lettered = anchor.named({pose.name: letter(place) for place, pose in enumerate(in_order(objects, order))})
-    return f"{lettered.object_name} {lettered.frame}{lettered.others_text}"
 
 
 def letter(place: int) -> str:

@@ -13,8 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.order.words import noun_of, phrase_of
-from app.pipeline.representation.anchors import Anchor, anchor_pose
-from app.pipeline.thresholds import GRASPED_M
+from app.pipeline.skill import turns
+from app.pipeline.skill.frames import Frame
+from app.pipeline.skill.rows import posed
+from app.pipeline.skill.scene import GRASPED_M, WORLD, Scene, Source
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
@@ -74,18 +76,25 @@ class Spot(NamedTuple):
     """What an action is relative to.
 
     Attributes:
+        code: of the axes: `w` of the world, `o` of the object, `ow` of the object for the place and of the world for
+            the hand, `wo` the reverse.
+        leans: whether the object's whole rotation turns these, not its yaw.
         was: the place that the object had at first; otherwise where it is now.
         keeps: the hand's rotation is relative to the one before: what it holds keeps its turn.
     """
 
-    anchor: Anchor
+    object_name: str
+    code: str
+    leans: bool
     was: bool
     keeps: bool
 
     @property
-    def object_name(self) -> str:
-        """The object's name."""
-        return self.anchor.object_name
+    def frame(self) -> Frame:
+        """The frame in a scene whose objects have their names as keys."""
+        at, own = (Source(kind, self.object_name) for kind in ("object", "leaning" if self.leans else "object"))
+        axes, hand = (own if code == "o" else WORLD for code in (self.code[0], self.code[-1]))
+        return Frame((at, at, at), axes, hand)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +110,7 @@ class SpotAction:
     def form(self) -> tuple[object, ...]:
         """Equal for actions that may be the same, at objects of one kind."""
         spot = self.spot
-        return kind_of(spot.object_name), spot.was, spot.anchor.frame, spot.keeps, self.gripper_open
+        return kind_of(spot.object_name), spot.was, spot.code, spot.keeps, self.gripper_open
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,13 +144,13 @@ class Part:
         """
         hand = scene.hand
         for action in self.actions:
-            at = observed if action.spot.was else Query("", scene.objects)
-            pose = anchor_pose(action.spot.anchor._replace(object_name=object_name), at)
+            at = Query("", observed.objects if action.spot.was else scene.objects)
+            frame = action.spot._replace(object_name=object_name).frame
+            (position_m,), (turn,) = posed([frame], action.offset_m[None], action.rotation_xyzw[None], Scene.of(at))
             if action.spot.keeps:
                 assert hand is not None
-                pose = pose._replace(hand_axes_xyzw=hand.quaternion_xyzw)
-            position_m, rotation = pose.placed(action.offset_m, Rotation.from_quat(action.rotation_xyzw))
-            hand = EndEffectorAction(position_m, rotation.as_quat(canonical=True), action.gripper_open)
+                turn = turns.product(hand.quaternion_xyzw, action.rotation_xyzw)
+            (hand,) = EndEffectorAction.many(position_m[None], turn[None], [action.gripper_open])
             yield hand
 
 

@@ -104,7 +104,7 @@ class PartsCodec(Codec):
             for part in self.common.parts
             for pose in query.ordered_objects
             if kind_of(pose.name) == part.kind
-            and (pose.quaternion_xyzw is not None or all(action.spot.anchor.frame == "w" for action in part.actions))
+            and (pose.quaternion_xyzw is not None or all(action.spot.code == "w" for action in part.actions))
         }
 
 

@@ -14,20 +14,21 @@ holds each row to a difference that demonstrations show; which, of which object,
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.groups import places_by
 from app.pipeline.order.order import Order
 from app.pipeline.representation.absolute import AbsoluteCodec, Column, row_integers
-from app.pipeline.representation.anchors import START, WORLD, Anchor, anchor_pose
 from app.pipeline.representation.base import Codec, Decoder, row_count_bounds
+from app.pipeline.representation.frame_text import FrameParts
 from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.representation.object_rows import RelativePose, Step, TextRow, actions_at, letter
+from app.pipeline.representation.object_rows import RelativePose, TextRow, actions_at, letter
+from app.pipeline.skill.scene import START, WORLD, Scene, Source
+from app.pipeline.skill.shown import Shown
 from app.pipeline.workspace import ROTATION_BINS, Workspace, discretize_actions, object_bins, undiscretize_actions
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -48,7 +49,7 @@ class _Followed(NamedTuple):
     """What a row follows in a scene, and how, in bins.
 
     Attributes:
-        text: its name in rows: `drawer z=world`, `plate x=cup 5/10`.
+        text: its name in rows: `drawer z=world`, `plate/cup`.
         step: the letter of the step that the row is; empty if it is none.
         origin: the bins of what it follows, in a place between two objects of the first; none of the world.
         differences: of the row's six bins to these; None where a number does not follow.
@@ -86,9 +87,9 @@ class SumsCodec(Codec):
     )
 
     @classmethod
-    def fit(cls, demonstrations: Sequence[Demonstration], workspace: Workspace) -> "SumsCodec":
-        """Find what each row follows."""
-        return cls(workspace, ObjectFrameCodec.fit(demonstrations, workspace, with_instruction=True))
+    def of(cls, shown: Sequence[Shown], workspace: Workspace) -> "SumsCodec":
+        """Write the rows of demonstrations."""
+        return cls(workspace, ObjectFrameCodec.of(shown, workspace, with_instruction=True))
 
     @cached_property
     def _rows(self) -> list[tuple[Demonstration, TextRow]]:
@@ -97,32 +98,33 @@ class SumsCodec(Codec):
         return [(demonstration, row) for demonstration, rows in table for row in rows]
 
     @cached_property
-    def _letters(self) -> dict[Step, str]:
-        """The letter of each step that observations list."""
-        kinds = places_by(self.fitted.demonstrations, lambda item: item.kind).values()
-        steps = dict.fromkeys(step for places in kinds for step in self._steps_of(places))
+    def _letters(self) -> dict[TextRow, str]:
+        """The letter of each step that observations list: of a row at differences that vary from scene to scene."""
+        steps = [row for row, scenes in self._scenes.items() if self._is_step(row, scenes)]
         return {step: letter(number).lower() for number, step in enumerate(steps)}
 
-    def _steps_of(self, places: Sequence[int]) -> Iterator[Step]:
-        """Yield the steps of demonstrations of one kind: the rows that all have, but at differences that vary."""
-        shown = [self.fitted.demonstrations[place] for place in places]
-        for rows in zip(*(self.fitted.table[place] for place in places), strict=True):
-            anchor, steps = rows[0].anchor, set(map(Step.of, shown, rows))
-            if anchor == WORLD or len(steps) > 1:
-                continue
-            turns = anchor.place_turns and any(rows[0].numbers[:2])
-            tilts = anchor.hand_turns and anchor.at_tilted
-            apart = {self._followed(item, row).differences[:3] for item, row in zip(shown, rows, strict=True)}
-            if turns or tilts or anchor.is_of_several or len(apart) > 1:
-                yield steps.pop()
+    @cached_property
+    def _scenes(self) -> dict[TextRow, list[Demonstration]]:
+        """The demonstrations that have each row."""
+        scenes: dict[TextRow, list[Demonstration]] = {}
+        for demonstration, row in self._rows:
+            scenes.setdefault(row, []).append(demonstration)
+        return scenes
+
+    def _is_step(self, row: TextRow, scenes: Sequence[Demonstration]) -> bool:
+        parts = FrameParts.of(row.frame)
+        if parts.base == WORLD:
+            return False
+        turns = row.frame.axes != WORLD and any(row.numbers[:2])
+        apart = {self._followed(item, row).differences[:3] for item in scenes}
+        return turns or row.frame.hand.kind == "leaning" or parts.is_of_several or len(apart) > 1
 
     @cached_property
     def _shared(self) -> dict[int, int]:
         """The rotation bins, by column, that are equal in all rows and follow no object."""
         placed = [self._placed(*each) for each in self._rows]
-        turning = [row.anchor for _, row in self._rows if row.anchor.hand_turns]
-        whole = any(anchor.at_tilted for anchor in turning)
-        fixed = () if whole else (3, 4) if turning else (3, 4, 5)
+        turning = {row.frame.hand.kind for _, row in self._rows if row.frame.hand != WORLD}
+        fixed = () if turning & {"leaning", "start"} else (3, 4) if turning else (3, 4, 5)
         return {k: placed[0][k] for k in fixed if len({bins[k] for bins in placed}) == 1}
 
     @cached_property
@@ -148,16 +150,23 @@ class SumsCodec(Codec):
         texts = []
         for row, step in self._steps_at(query, name):
             numbers = [f"{by:+d}" for by in self._followed(query, row).differences[:3] if by is not None]
-            if row.anchor.at_tilted:
+            if row.frame.hand.kind == "leaning":
                 numbers += [str(self._placed(query, row)[k]) for k in self._shown[3:]]
             texts.append(f" {step}({' '.join(numbers)})")
         return "".join(texts)
 
     def _steps_at(self, query: Query, name: str) -> Iterator[tuple[TextRow, str]]:
         """Yield the rows that steps are where the query's order is carried out and they follow `name`, with letters."""
-        for step, text in self._letters.items():
-            if step.form == query.order.form and _name((row := step.row(query.order)).anchor) == name:
+        names = _names(query)
+        for row, text in self._letters.items():
+            same = self._scenes[row][0].order.form == query.order.form and row.frame.objects <= names.keys()
+            if same and self._origin_name(row, names) == name:
                 yield row, text
+
+    def _origin_name(self, row: TextRow, names: Mapping[str, str]) -> str:
+        """Return the name of what differences are to: of a place between two objects, the first."""
+        base = FrameParts.of(row.frame).base
+        return names[base.one] if base.one else base.kind
 
     def actions_text(self, demonstration: Demonstration) -> str:
         rows = self.fitted.table[self.fitted.demonstrations.index(demonstration)]
@@ -165,7 +174,7 @@ class SumsCodec(Codec):
         return f"{demonstration.instruction} [{'; '.join(texts)}]"
 
     def _row_text(self, demonstration: Demonstration, row: TextRow) -> str:
-        followed = self._followed(demonstration, row, self._letters.get(Step.of(demonstration, row), ""))
+        followed = self._followed(demonstration, row, self._letters.get(row, ""))
         origin, by, placed = followed.origin, followed.differences, self._placed(demonstration, row)
         results = (placed[k] if (off := by[k]) is None else origin[k] + off for k in self._shown)
         before = followed.before_results(self._shown)
@@ -175,29 +184,30 @@ class SumsCodec(Codec):
     def _origins(self, query: Query) -> dict[str, tuple[int, ...]]:
         """The bins of everything that a row may follow, by name: of objects, and of the start where rows follow it."""
         origins = {pose.name: object_bins(pose, self.workspace) for pose in query.objects}
-        if query.start is not None and any(row.anchor == START for _, row in self._rows):
-            origins[START.frame] = discretize_actions([query.start], self.workspace)[0].bins[:6]
+        if query.start is not None and any(START in row.frame.place for _, row in self._rows):
+            origins[START.kind] = discretize_actions([query.start], self.workspace)[0].bins[:6]
         return origins
 
     def _placed(self, query: Query, row: TextRow) -> tuple[int, ...]:
         """The six bins of a row in a scene."""
         pose = RelativePose.of_numbers(row.numbers)
-        actions = actions_at([anchor_pose(row.anchor, query)], [pose], [row.gripper_open])
+        actions = actions_at([row.frame], [pose], [row.gripper_open], Scene.of(query))
         return discretize_actions(actions, self.workspace)[0].bins[:6]
 
     def _followed(self, query: Query, row: TextRow, step: str = "") -> _Followed:
         """What a row follows in a scene."""
-        anchor = row.anchor
-        if anchor == WORLD:
-            return _Followed(WORLD.frame, step, (), (None,) * 6)
+        parts, names = FrameParts.of(row.frame), _names(query)
+        if parts.base == WORLD:
+            return _Followed(WORLD.kind, step, (), (None,) * 6)
         origins, placed = self._origins(query), self._placed(query, row)
-        origin = list(origins[_name(anchor)])
-        turn = row.numbers[5] - NO_TURN if anchor.hand_turns and not anchor.at_tilted else None
-        for axis, name in anchor.along if anchor.tenths == 10 else ():
-            origin[axis] = origins[name][axis] if name else 0
-        fixed = {axis for axis, name in anchor.along if not name}
+        origin = list(origins[self._origin_name(row, names)])
+        turns = row.frame.hand == Source("object", parts.base.one)
+        turn = row.numbers[5] - NO_TURN if turns else None
+        for axis, source in parts.along.items():
+            origin[axis] = origins[names[source.one]][axis] if source.one else 0
+        fixed = {axis for axis, source in parts.along.items() if source == WORLD}
         differences = (*(None if k in fixed else placed[k] - origin[k] for k in range(3)), None, None, turn)
-        return _Followed(f"{_name(anchor)}{anchor.others_text}", step, origin, differences)
+        return _Followed(f"{parts.at(names)}{parts.others(names)}", step, origin, differences)
 
     def grammar(self, query: Query, max_actions: int) -> str:
         fewest, most = row_count_bounds(self.fitted.demonstrations, query.order, max_actions)
@@ -212,10 +222,10 @@ class SumsCodec(Codec):
 
     def _rows_offered(self, query: Query) -> Iterator[str]:
         """Yield in GBNF what a row may say after its gripper: each step at its object, any other difference at all."""
-        for name, origin in (self._origins(query) | {WORLD.frame: ()}).items():
+        for name, origin in (self._origins(query) | {WORLD.kind: ()}).items():
             said = [self._followed(query, row, step) for row, step in self._steps_at(query, name)]
             said += [
-                _Followed(name, "", origin, by) for by in self._without_step if (by[0] is None) == (name == WORLD.frame)
+                _Followed(name, "", origin, by) for by in self._without_step if (by[0] is None) == (name == WORLD.kind)
             ]
             for followed in said:
                 turn = followed.differences[5] if len(followed.origin) == 6 else None
@@ -226,8 +236,7 @@ class SumsCodec(Codec):
     @cached_property
     def _without_step(self) -> dict[tuple[int | None, ...], None]:
         """The differences of the rows that are no steps; a row with several origins is one wherever all have it."""
-        unlike = ((item, row) for item, row in self._rows if not row.anchor.is_of_several)
-        rows = (each for each in unlike if Step.of(*each) not in self._letters)
+        rows = ((item, row) for item, row in self._rows if row not in self._letters)
         return dict.fromkeys(self._followed(*each).differences for each in rows)
 
     def rows(self, reply_text: str, complete: bool) -> list[str]:
@@ -263,5 +272,6 @@ def _literal(text: str) -> str:
     return f'"{escaped}"'
 
 
-def _name(anchor: Anchor) -> str:
-    return anchor.object_name or anchor.frame
+def _names(query: Query) -> dict[str, str]:
+    """Return the names of a scene's objects by their keys."""
+    return {query.order.placeholder(pose.name): pose.name for pose in query.objects}

@@ -37,7 +37,7 @@ class _Seen:
         self.back = turns.inverse(np.array([scenes.axes(axes) for axes in found.axes]))  # (A, N, 4)
         origins = np.array([scenes.origin(origin) for origin in found.origins])  # (O, N, 3)
         off = rows.hand[None] - origins[:, :, None]  # (O, N, R, 3)
-        seen = turns.rotated(self.back[:-1, None, :, None], off[None])  # (P, O, N, R, 3)
+        seen = turns.rotated(self.back[: len(found.of_place), None, :, None], off[None])  # (P, O, N, R, 3)
         self.places = seen.transpose(3, 0, 1, 4, 2)  # (R, P, O, 3, N)
         self.place = posterior(self.places, FLOOR_M, WIDTH_M)
         hands = turns.product(self.back[:, None], np.moveaxis(rows.turn, 1, 0)[None])  # (A, R, N, 4)

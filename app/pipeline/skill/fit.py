@@ -12,11 +12,12 @@ from app.pipeline.skill import turns
 from app.pipeline.skill.alike import Turned, as_shown, turned_alike
 from app.pipeline.skill.choice import choose
 from app.pipeline.skill.evidence import log_about_zero
-from app.pipeline.skill.recording import Costs, Recording, Rows, aligned, counts_of
+from app.pipeline.skill.recording import Costs, Recording, Rows, aligned, at_keyframes, counts_of
 from app.pipeline.skill.rows import Row, placed
 from app.pipeline.skill.scene import Scene
 from app.pipeline.skill.ways import LEAST, Condition, split, told_apart
 from app.pipeline.thresholds import M_PER_RAD
+from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -55,12 +56,21 @@ class Plan:
         return as_shown(scene, self.shown, self.rows)
 
 
-class UnknownStartError(ValueError):
+class UnknownStartError(InvalidInputError):
     """The plan starts from where the hand is, and a scene does not say where."""
+
+    def __init__(self) -> None:
+        message = "is missing, but the motion begins from where the hand is"
+        super().__init__("end_effector", message, "its position and quaternion_xyzw")
 
 
 def plans_of(recordings: Sequence[Recording]) -> tuple[Plan, ...]:
-    """Return the plans of recordings, the usual one first of those that no condition tells apart."""
+    """Return the plans of recordings, the usual one first of those that no condition tells apart.
+
+    Where their rule gives the keyframes, recordings with the same switches in as many keyframes have one plan.
+    """
+    if not recordings[0].rule.aligned:
+        return tuple(_as_they_are(recordings))
     often = Counter(item.signature for item in recordings).most_common()
     usual = [item for item in recordings if item.signature == often[0][0]]
     others = [[item for item in recordings if item.signature == signature] for signature, _ in often[1:]]
@@ -74,6 +84,19 @@ def plans_of(recordings: Sequence[Recording]) -> tuple[Plan, ...]:
         else:
             never += _parted(group, ())
     return (*called_for, *_parted(usual, when), *never)
+
+
+def _as_they_are(recordings: Sequence[Recording]) -> Iterator[Plan]:
+    states = [tuple(action.gripper_open for action in item.demonstration.actions) for item in recordings]
+    for state, _ in Counter(states).most_common():
+        alike = tuple(item for item, own in zip(recordings, states, strict=True) if own == state)
+        yield plan_at_keyframes(alike)
+
+
+def plan_at_keyframes(members: Sequence[Recording]) -> Plan:
+    """Return the plan of recordings with equally many actions, which are its rows."""
+    rows = at_keyframes([item.demonstration for item in members], [item.scene for item in members])
+    return Plan(choose(rows) if len(rows) else (), tuple(members), rows)
 
 
 def _between(usual: Sequence[Recording], group: Sequence[Recording]) -> tuple[Condition, Condition] | None:

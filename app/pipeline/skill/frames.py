@@ -58,7 +58,7 @@ class Candidates(NamedTuple):
     """The sources that a row may follow in some scenes.
 
     Attributes:
-        axes: the last one is the hand's start, which only rotations follow.
+        axes: the last one is the hand's start where that is known, which only rotations follow.
     """
 
     origins: tuple[Source, ...]
@@ -67,7 +67,7 @@ class Candidates(NamedTuple):
     @property
     def of_place(self) -> tuple[Source, ...]:
         """The axes that a place may be seen along."""
-        return self.axes[:-1]
+        return tuple(axes for axes in self.axes if axes != START)
 
     @classmethod
     def of(cls, scenes: Scene) -> "Candidates":
@@ -76,10 +76,15 @@ class Candidates(NamedTuple):
         pairs = [(one, other) for one, other in permutations(named, 2) if _apart_m(scenes, one, other) > APART_M]
         objects = tuple(Source("object", key) for key in scenes.keys)
         middles = tuple(Source("between", one, other) for one, other in pairs if one < other)
-        turning = [key for key, period in zip(scenes.keys, scenes.symmetry, strict=True) if period != 0]
+        start = (START,) if scenes.knows_start else ()
+        turning = [
+            key
+            for k, (key, period) in enumerate(zip(scenes.keys, scenes.symmetry, strict=True))
+            if period != 0 and not np.isnan(scenes.measured[:, k]).any()
+        ]
         own = tuple(Source("leaning" if _leans(scenes, key) else "object", key) for key in turning)
         directions = tuple(Source("toward", one, other) for one, other in pairs)
-        return cls((WORLD, START, *objects, *middles), (WORLD, *own, *directions, START))
+        return cls((WORLD, *start, *objects, *middles), (WORLD, *own, *directions, *start))
 
     def place_prior(self, scenes: Scene, hand: Array) -> Array:
         """Return the log priors (R, P, O) of axes and origin, for hands (N, R, 3)."""

@@ -1,7 +1,7 @@
 """Recordings aligned into rows: the arrays that a skill is fitted to."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Keyframe, KeyframeRule, Motion, find_keyframes, manner_of, waypoints
-from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.keyframes.resting import leave_path, path_left_m
 from app.pipeline.keyframes.rules import MAX_KEYFRAMES, at_tips, best_waypoints
+from app.pipeline.names import folded_name
 from app.pipeline.order.order import Order
 from app.pipeline.skill.scene import Scene
 from roboprompt_client.types.arrays import Array
@@ -32,23 +32,59 @@ class Recording:
     """A demonstration: its motion, and the scene at its first frame.
 
     Attributes:
-        id: of the demonstration, by which doubts name it.
+        rule: by which keyframes are found.
     """
 
     motion: Motion
     scene: Scene
-    order: Order
-    id: str = ""
+    demonstration: Demonstration
+    rule: KeyframeRule = KeyframeRule()  # noqa: RUF009  it is frozen
 
     @classmethod
     def of(
-        cls, demonstration: Demonstration, motion: Motion, symmetry: Mapping[str, float] | None = None
+        cls,
+        demonstration: Demonstration,
+        motion: Motion,
+        symmetry: Mapping[str, float] | None = None,
+        rule: KeyframeRule | None = None,
     ) -> "Recording":
         """Return the recording of a demonstration; the hand starts where its first frame has it."""
-        given = motion.trajectory
-        start = EndEffectorAction(given.positions_m[0], given.quaternions_xyzw[0], bool(given.gripper_open[0]))
-        scene = Scene.of(replace(demonstration, start=start), symmetry)
-        return cls(motion, scene, demonstration.order, demonstration.id)
+        shown = replace(demonstration, start=motion.trajectory.action_at(0))
+        return cls(motion, Scene.of(shown, symmetry), shown, rule or KeyframeRule())
+
+    @property
+    def order(self) -> Order:
+        """The instruction as a value."""
+        return self.demonstration.order
+
+    @property
+    def id(self) -> str:
+        """The demonstration's, by which doubts name it."""
+        return self.demonstration.id
+
+    def only(self, names: Collection[str]) -> "Recording":
+        """Return the recording with only those objects that have these names."""
+        shown = self.demonstration.only(names)
+        if shown is self.demonstration:
+            return self
+        kept = {folded_name(pose.name) for pose in shown.objects}
+        keys = [key for key, name in zip(self.scene.keys, self.scene.names, strict=True) if name in kept]
+        return replace(self, demonstration=shown, scene=self.scene.only(keys))
+
+    @cached_property
+    def rests(self) -> bool:
+        """Whether the hand rests at its keyframes."""
+        return self.rule.rule != "waypoints" and manner_of(self.motion, self.rule.delta_rad_s) == "rests"
+
+    @cached_property
+    def keyframes(self) -> tuple[Keyframe, ...]:
+        """The keyframes by its rule."""
+        return find_keyframes(self.motion, self.rule)
+
+    @cached_property
+    def waypoints(self) -> tuple[Keyframe, ...]:
+        """The keyframes that its path needs, whether the hand rests or not."""
+        return waypoints(self.motion, self.rule.tolerance_m, self.rule.tolerance_deg)
 
     @cached_property
     def signature(self) -> tuple[bool, ...]:
@@ -114,21 +150,42 @@ class Rows:
         return replace(self, scenes=scenes, turn=turn)
 
 
+def at_keyframes(demonstrations: Sequence[Demonstration], scenes: Sequence[Scene]) -> Rows:
+    """Return demonstrations with equally many actions as they are, in the scenes of their first frames."""
+    number, actions = len(demonstrations[0].actions), [item.actions for item in demonstrations]
+    keys = _shared_keys(scenes)
+    states = np.array([[action.gripper_open for action in own] for own in actions]).reshape(-1, number)
+    is_open = 2 * states.sum(axis=0) >= len(actions)
+    return Rows(
+        Scene.stacked(scenes, keys),
+        np.zeros((len(actions), number), dtype=int),
+        np.array([[action.position_m for action in own] for own in actions]).reshape(-1, number, 3),
+        np.array([[action.quaternion_xyzw for action in own] for own in actions]).reshape(-1, number, 4),
+        is_open,
+        before=True,
+    )
+
+
+def _shared_keys(scenes: Sequence[Scene]) -> list[str]:
+    """Return the keys that all scenes have, those that words name first."""
+    shared = set.intersection(*(set(scene.keys) for scene in scenes))
+    return sorted(shared, key=lambda key: (not key.startswith("<"), key))
+
+
 Costs = Callable[[int, int, npt.NDArray[np.int_]], Array]
 """From recording, row and frames: distances of the hand in these from the row, in tolerances."""
 
 
 def aligned(recordings: Sequence[Recording], counts: Sequence[int], costs: Costs | None = None) -> Rows:
     """Return recordings of one signature with so many rows in each phase."""
-    found = [_frames(item.motion, n, counts, costs) for n, item in enumerate(recordings)]
+    found = [_frames(item, n, counts, costs) for n, item in enumerate(recordings)]
     phases = recordings[0].motion.phases
     is_open = np.repeat([phase.gripper_open for phase in phases], counts)
     is_open[np.cumsum(counts) - 1] = [phase.ends_open for phase in phases]
-    shared = set.intersection(*(set(item.scene.keys) for item in recordings))
-    keys = sorted(shared, key=lambda key: (not key.startswith("<"), key))  # those that words name, first
+    scenes = [item.scene for item in recordings]
     trajectories = [item.motion.trajectory for item in recordings]
     return Rows(
-        Scene.stacked([item.scene for item in recordings], keys),
+        Scene.stacked(scenes, _shared_keys(scenes)),
         np.array(found),
         np.array([given.positions_m[frames] for given, frames in zip(trajectories, found, strict=True)]),
         np.array([given.quaternions_xyzw[frames] for given, frames in zip(trajectories, found, strict=True)]),
@@ -139,13 +196,13 @@ def aligned(recordings: Sequence[Recording], counts: Sequence[int], costs: Costs
 
 def counts_of(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], bool]:
     """Return how many rows each phase gets, and whether they are where the recordings rest."""
-    counts = [_counts(item.motion) for item in recordings]
-    resting = 2 * sum(manner_of(item.motion) == "rests" for item in recordings) > len(recordings)
+    counts = [_counts(item) for item in recordings]
+    resting = 2 * sum(item.rests for item in recordings) > len(recordings)
     if resting:
         numbers = Counter(counts).most_common(1)[0][0]
         if not leave_path(_left_m(recordings, aligned(recordings, numbers))):
             return numbers, True
-        paths = [_by_phase(item.motion, waypoints(item.motion)) for item in recordings]
+        paths = [_by_phase(item.motion, item.waypoints) for item in recordings]
         counts = [path or own for path, own in zip(paths, counts, strict=True)]
     most = [int(np.ceil(np.quantile(column, PATH_KEPT_SHARE))) for column in zip(*counts, strict=True)]
     while sum(most) > max(MAX_KEYFRAMES, len(most)):
@@ -160,9 +217,9 @@ def _left_m(recordings: Sequence[Recording], rows: Rows) -> list[float]:
     return [path_left_m(item.motion, "rests", plan) for item, plan in zip(recordings, plans, strict=True)]
 
 
-def _counts(motion: Motion) -> tuple[int, ...]:
-    keyframes = find_keyframes(motion, KeyframeRule())
-    return _by_phase(motion, keyframes) or _by_phase(motion, waypoints(motion)) or (1,) * len(motion.phases)
+def _counts(item: Recording) -> tuple[int, ...]:
+    found = _by_phase(item.motion, item.keyframes) or _by_phase(item.motion, item.waypoints)
+    return found or (1,) * len(item.motion.phases)
 
 
 def _by_phase(motion: Motion, keyframes: Sequence[Keyframe]) -> tuple[int, ...] | None:
@@ -177,23 +234,22 @@ def _by_phase(motion: Motion, keyframes: Sequence[Keyframe]) -> tuple[int, ...] 
     return tuple(counts) if len(counts) == len(motion.phases) else None
 
 
-def _frames(motion: Motion, n: int, counts: Sequence[int], costs: Costs | None) -> list[int]:
-    if costs is None and manner_of(motion) == "rests":
-        own = find_keyframes(motion, KeyframeRule())
-        if _by_phase(motion, own) == tuple(counts):
-            return [keyframe.frame for keyframe in own]
+def _frames(item: Recording, n: int, counts: Sequence[int], costs: Costs | None) -> list[int]:
+    motion, rule = item.motion, item.rule
+    if costs is None and item.rests and _by_phase(motion, item.keyframes) == tuple(counts):
+        return [keyframe.frame for keyframe in item.keyframes]
     found: list[int] = []
     for phase, number in zip(motion.phases, counts, strict=True):
         if number == 1:
             found.append(phase.last)
             continue
-        path = motion.path(phase.first, phase.last, TOLERANCE_M, TOLERANCE_DEG)
+        path = motion.path(phase.first, phase.last, rule.tolerance_m, rule.tolerance_deg)
         alike = None
         if costs is not None:
             off = np.array([costs(n, k, path.frames) for k in range(len(found), len(found) + number)])
             alike = TOGETHER * np.minimum(off, FAR) ** 2
         frames = [int(path.frames[k]) for k in best_waypoints(path.deviations, number, alike)]
         if costs is None:
-            frames = at_tips(motion.trajectory.positions_m, phase.first, frames, TOLERANCE_M)
+            frames = at_tips(motion.trajectory.positions_m, phase.first, frames, rule.tolerance_m)
         found += frames
     return found

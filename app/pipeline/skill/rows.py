@@ -1,9 +1,11 @@
 """A row of a skill: where the hand goes, as six Student t distributions in a task-parameterised frame."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.special import stdtrit
 
 from app.pipeline.skill import turns
 from app.pipeline.skill.evidence import Posterior, two_sided_p
@@ -45,6 +47,19 @@ class Row:
         """(6,) of a further demonstration, in m and rad."""
         return self.posterior.scale()
 
+    def within(self, share: float) -> Array:
+        """Return how far (6,) from the mean this share of further demonstrations is, along each coordinate."""
+        found: Array = stdtrit(self.posterior.dof, (1 + share) / 2) * self.scale
+        return found
+
+    @cached_property
+    def without_start(self) -> "Row":
+        """The row where nobody tells how the hand starts."""
+        if self.unstarted is None:
+            return self
+        source, mean = self.unstarted
+        return replace(self, frame=self.frame._replace(hand=source), turn=mean, unstarted=None)
+
     def at(self, scene: Scene) -> EndEffectorAction:
         """Return the row's mean in a scene."""
         place, turn = placed([self], scene)
@@ -53,9 +68,7 @@ class Row:
     def residual(self, action: EndEffectorAction, scene: Scene) -> Array:
         """Return how far (6,) an action is from the row's mean, along the frame's axes, in m and rad."""
         _, turn = placed([self], scene)
-        axes = scene.axes(self.frame.axes)
-        back = turns.inverse(axes)
-        seen = turns.rotated(back, action.position_m - _origins(self.frame, scene))[AXES, AXES]
+        seen, _ = seen_from(self.frame, action, scene)
         off = turns.log(turns.product(turns.inverse(turn[0]), action.quaternion_xyzw))
         return np.concatenate([seen - self.place, off])
 
@@ -70,20 +83,26 @@ def placed(rows: Sequence[Row], scene: Scene) -> tuple[Array, Array]:
     Where the hand's start is not known, rotations that follow it follow what explains them second best; places that
     follow it are NaN.
     """
-    axes = np.array([scene.axes(row.frame.axes) for row in rows])
-    origins = np.array([_origins(row.frame, scene) for row in rows])
+    known = rows if scene.knows_start else [row.without_start for row in rows]
+    frames = [row.frame for row in known]
+    return posed(frames, np.array([row.place for row in known]), np.array([row.turn for row in known]), scene)
+
+
+def posed(frames: Sequence[Frame], places: Array, rotations: Array, scene: Scene) -> tuple[Array, Array]:
+    """Return places (R, 3) and rotations (R, 4) in the world of what is seen from R frames of a scene."""
+    axes = np.array([scene.axes(frame.axes) for frame in frames])
+    hands = np.array([scene.axes(frame.hand) for frame in frames])
+    origins = np.array([_origins(frame, scene) for frame in frames])
     seen = turns.rotated(turns.inverse(axes)[:, None], origins)[:, AXES, AXES]
-    places = turns.rotated(axes, seen + np.array([row.place for row in rows]))
-    hands, means = zip(*(_hand(row, scene) for row in rows), strict=True)
-    return places, turns.product(np.array(hands), np.array(means))
+    return turns.rotated(axes, seen + places), turns.product(hands, rotations)
+
+
+def seen_from(frame: Frame, action: EndEffectorAction, scene: Scene) -> tuple[Array, Array]:
+    """Return place (3,) and rotation (4,) of an action as a frame of a scene sees it."""
+    back = turns.inverse(scene.axes(frame.axes))
+    place: Array = turns.rotated(back, action.position_m - _origins(frame, scene))[AXES, AXES]
+    return place, turns.product(turns.inverse(scene.axes(frame.hand)), action.quaternion_xyzw)
 
 
 def _origins(frame: Frame, scene: Scene) -> Array:
     return np.array([scene.origin(source) for source in frame.place])
-
-
-def _hand(row: Row, scene: Scene) -> tuple[Array, Array]:
-    if row.unstarted is None or scene.knows_start:
-        return scene.axes(row.frame.hand), row.turn
-    source, mean = row.unstarted
-    return scene.axes(source), mean

@@ -16,7 +16,7 @@ from app.pipeline.geometry import canonical_pose
 from app.pipeline.names import folded_name
 from app.pipeline.skill import turns
 from roboprompt_client.types.arrays import Array
-from roboprompt_client.types.poses import EndEffectorAction
+from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
 
 GRASPED_M = 0.08  # a hand that closes within this of an object's middle grasps it: of the 22 tasks all do
 UNKNOWN_PLACE, UNKNOWN_TURN = np.full(3, np.nan), np.full(4, np.nan)
@@ -39,6 +39,10 @@ class Source(NamedTuple):
     def objects(self) -> tuple[str, ...]:
         """The keys of the objects that it depends on."""
         return tuple(key for key in (self.one, self.other) if key)
+
+    def named(self, names: Mapping[str, str]) -> str:
+        """Return it in words, with objects' names by their keys."""
+        return self._replace(one=names.get(self.one, self.one), other=names.get(self.other, self.other)).described
 
     @property
     def described(self) -> str:
@@ -144,6 +148,17 @@ class Scene:
         if source not in self._axes:
             self._axes[source] = self._axes_of(source)
         return self._axes[source]
+
+    def as_turned(self, query: Query) -> tuple[ObjectPose, ...]:
+        """Return the poses of a query with the objects' rotations as they are here, where they were measured."""
+        turned = []
+        for pose in query.objects:
+            key = query.order.placeholder(pose.name)
+            if pose.quaternion_xyzw is None or key not in self.keys:
+                turned.append(pose)
+            else:
+                turned.append(replace(pose, quaternion_xyzw=self.turn[self.keys.index(key)]))
+        return tuple(turned)
 
     def _axes_of(self, source: Source) -> Array:
         if source.kind == "start":

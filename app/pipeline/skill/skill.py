@@ -33,6 +33,26 @@ class Skill:
         """Return the plan that a scene calls for."""
         return next((plan for plan in self.plans if plan.holds(scene)), self.plans[0])
 
+    @cached_property
+    def usual(self) -> tuple[Plan, ...]:
+        """The plans that a scene may call for, those of most recordings first."""
+        called_for = [plan for plan in self.plans if plan.when] or [self.plans[0]]
+        usual = [plan for plan in self.plans if not plan.when][:1]
+        found = dict.fromkeys((*called_for, *usual)) if self.aligned else dict.fromkeys(self.plans)
+        return tuple(sorted(found, key=lambda plan: -len(plan.members)))
+
+    @property
+    def aligned(self) -> bool:
+        """Whether plans are what recordings share; else each keeps the keyframes that a rule gives it."""
+        return self.recordings[0].rule.aligned
+
+    def plans_for(self, scene: Scene) -> tuple[Plan, ...]:
+        """Return the plans that a scene may call for: one, or all where a rule gives the keyframes."""
+        if not self.aligned:
+            return self.plans
+        decides = {key for plan in self.plans for condition in plan.when for key in condition.keys}
+        return (self.plan_for(scene),) if decides <= set(scene.keys) else self.usual[:1]
+
     def of_scene(self, scene: Scene) -> list[Doubt]:
         """Return the doubts about a scene."""
         return list(doubts.of_scene(self.plan_for(scene), self.scene, scene))

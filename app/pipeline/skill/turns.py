@@ -82,6 +82,11 @@ def angle(one: npt.ArrayLike, other: npt.ArrayLike) -> Array:
     return found
 
 
+def canonical(turn: Array) -> Array:
+    """Return of each two quaternions (..., 4) of one rotation the one with w >= 0."""
+    return np.where(turn[..., 3:] < 0, -turn, turn)
+
+
 def medoid(turns: Array) -> Array:
     """Return of rotations (..., N, 4) the one (..., 4) that is nearest to the others."""
     apart = np.minimum(angle(turns[..., :, None, :], turns[..., None, :, :]), MEDOID_CAP_RAD).sum(-1)

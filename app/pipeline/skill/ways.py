@@ -64,6 +64,11 @@ class Condition:
     above: bool
     between: tuple[float, float]
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of the objects that it depends on."""
+        return tuple(filter(None, (self.quantity.one, self.quantity.other)))
+
     def holds(self, scene: Scene) -> bool:
         """Return whether a scene calls for the way."""
         return (float(self.quantity.of(scene)) > self.cut) == self.above

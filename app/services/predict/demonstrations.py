@@ -109,7 +109,12 @@ def skills_of(
     trajectories = get_trajectories(connection, [record.id for record in records])
     stored = [record.demonstration().only(names) for record in records]
     recordings = [
-        SkillRecording.of(item, settings.motion_of(trajectory, record.control_frequency_hz), settings.yaw_symmetry_deg)
+        SkillRecording.of(
+            item,
+            settings.motion_of(trajectory, record.control_frequency_hz),
+            settings.yaw_symmetry_deg,
+            settings.keyframes.keyframe_rule(),
+        )
         for item, record, trajectory in zip(stored, records, trajectories, strict=True)
     ]
     return Skills(tuple(recordings), settings.yaw_symmetry_deg)
@@ -130,7 +135,7 @@ class TaskVersion:
         self.symmetries: Symmetries | None = None
         self.demonstrations: Cache[Ids, Demonstrations] = Cache(MAX_CHOICES)
         self.taught: dict[bool, Taught] = {}
-        self.skills: Skills | None = None
+        self.skills: Cache[Ids, Skills] = Cache(MAX_CHOICES)
 
 
 class TaskReading:
@@ -147,18 +152,29 @@ class TaskReading:
         self.connection = connection
         self._read: dict[Ids, Sequence[Recording]] = {}
 
-    def selected(self, options: PredictOptions, objects: Sequence[ObjectPose]) -> Demonstrations:
-        """Return the demonstrations that a request names, or that its selection finds for these observed objects.
+    def selected(self, options: PredictOptions, objects: Sequence[ObjectPose]) -> Ids:
+        """Return the ids of episodes that a request names, or that its selection finds for these observed objects.
 
         Raises:
             InvalidInputError: for a named episode that is left out of prompts.
-            NotFoundError: as `demonstrations`.
         """
         if options.episode_ids is not None:
             self._require_shown(options.episode_ids)
-            return self.demonstrations(options.episode_ids)
+            return options.episode_ids
         number = options.num_demonstrations or self.kept.settings.num_demonstrations
-        return self.demonstrations(self._scenes.selected(options, number, objects))
+        return self._scenes.selected(options, number, objects)
+
+    def skills_of(self, ids: Ids) -> Skills:
+        """Return the skills of the demonstrations with these ids, whatever their order.
+
+        Raises:
+            NotFoundError: naming the first id that is no episode of this task.
+        """
+        return self.kept.skills.get_or_make(tuple(sorted(ids)), lambda: self._skills(tuple(sorted(ids))))
+
+    def _skills(self, ids: Ids) -> Skills:
+        records = episodes.demonstrations_by_id(self.connection, self.record.name, ids)
+        return skills_of(self.connection, records, self.kept.settings, self.record.object_names or ())
 
     def _require_shown(self, ids: Ids) -> None:
         left_out = episodes.left_out_of(self.connection, ids)
@@ -218,12 +234,9 @@ class TaskReading:
         Raises:
             NoDemonstrationsError: if there is none, or all are left out.
         """
-        if self.kept.skills is None:
-            if not (ids := self._held_against):
-                raise NoDemonstrationsError(self.record.name)
-            records = episodes.demonstrations_by_id(self.connection, self.record.name, ids)
-            self.kept.skills = skills_of(self.connection, records, self.kept.settings, self.record.object_names or ())
-        return self.kept.skills
+        if not (ids := self._held_against):
+            raise NoDemonstrationsError(self.record.name)
+        return self.skills_of(ids)
 
     def taught(self, from_start: bool) -> Taught:
         """Return all demonstrations of the task (of more than 50 those whose scenes lie farthest apart) for comparison.

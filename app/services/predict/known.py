@@ -18,8 +18,9 @@ from app.services.extract import reading
 from app.services.images import check_colors
 from app.services.measures import timed
 from app.services.poses import PoseServers, poses_of
-from app.services.predict.demonstrations import Demonstrations, TaskReading, TaskVersion
+from app.services.predict.demonstrations import TaskReading, TaskVersion
 from app.services.predict.request import PredictOptions, PredictRequest, PromptStyle
+from app.services.predict.scenes import Ids
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import ConflictError
@@ -39,7 +40,8 @@ class Known:
     Attributes:
         task: settings and what follows from them.
         profile: of the model to ask.
-        demonstrations: those that the request names, or that its selection finds; symmetric objects are folded.
+        shown: the skills of the demonstrations that the request names, or that its selection finds.
+        shown_ids: of these, in the order of the prompt.
         taught: all demonstrations of the task, with which an answer is compared.
         skills: of the same demonstrations.
         observed: the objects of the task, in its order, as the robot sent them or as images show them.
@@ -51,7 +53,8 @@ class Known:
     task: TaskVersion
     profile: ModelProfile
     style: PromptStyle
-    demonstrations: Demonstrations
+    shown: Skills
+    shown_ids: Ids
     taught: Taught
     skills: Skills
     observed: tuple[ObjectPose, ...]
@@ -103,8 +106,9 @@ class KnownReader:
         if not known.absent:
             return known
         present = [pose.name for pose in known.observed]
-        check_object_names(present, record.object_names or (), known.taught.needed | known.demonstrations.needed)
-        return replace(known, taught=known.taught.of_objects(present))
+        check_object_names(present, record.object_names or (), known.skills.needed | known.shown.needed)
+        few = known.skills.only(present), known.shown.only(present)
+        return replace(known, taught=known.taught.of_objects(present), skills=few[0], shown=few[1])
 
     def _known(self, request: PredictRequest, task: TaskReading, poses: Mapping[str, ObjectPose]) -> Known:
         kept, names = task.kept, task.record.object_names or ()
@@ -113,12 +117,13 @@ class KnownReader:
         style = PromptStyle.of(request.options, kept.settings, profile, from_start=from_start)
         taught = task.taught(style.from_start)
         observed = tuple(poses[name] for name in names if name in poses)
-        demonstrations = task.selected(request.options, observed)
+        ids = task.selected(request.options, observed)
         return Known(
             kept,
             profile,
             style,
-            demonstrations,
+            task.skills_of(ids),
+            ids,
             taught,
             task.skills,
             observed,
@@ -177,8 +182,8 @@ class KnownReader:
         with self._store.read() as connection:
             return self.limits(connection, task)
 
-    def usual(self, task_name: str) -> tuple[Demonstrations, TaskSettings, PromptStyle]:
-        """Return demonstrations, settings and prompt style of a request with default options.
+    def usual(self, task_name: str) -> tuple[Skills, Ids, TaskSettings, PromptStyle]:
+        """Return skills and ids of demonstrations, settings and prompt style of a request with default options.
 
         Raises:
             as `__call__` for such a request.
@@ -187,4 +192,5 @@ class KnownReader:
         with self.reading(task_name) as task:
             style = PromptStyle.of(options, task.kept.settings, self._profile_of(None))
             task.taught(style.from_start)  # refuses a task without demonstrations
-            return task.selected(options, ()), task.kept.settings, style
+            ids = task.selected(options, ())
+            return task.skills_of(ids), ids, task.kept.settings, style

@@ -4,13 +4,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from app.llm.base import Completion, TextDelta
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
 from app.pipeline.findings.actions import ActionDoubt
-from app.pipeline.plans.support import PlacedPlan, PlacedRow, SupportGuard
-from app.pipeline.plans.turn import half_turned
 from app.pipeline.reply import ReplyReader
-from app.pipeline.representation.anchors import AXES
+from app.pipeline.representation.frame_text import XYZ, FrameParts
+from app.pipeline.skill import turns
+from app.pipeline.skill.support import PlacedPlan, PlacedRow, SupportGuard
+from app.pipeline.skill.wrist import half_turned
 from app.pipeline.workspace import ROTATION_BIN_DEG, DiscreteAction, Workspace, discretize_actions
 from app.services.measures import timed
 from app.store.values import JsonObject
@@ -42,25 +45,31 @@ class PredictedAction:
             "gripper_open": self.action.gripper_open,
             "bins": list(self.discrete.bins),
             "clamped": self.discrete.clamped,
-            "anchor": None if self.row is None else self._anchor(self.row),
+            "anchor": None if self.row is None else anchor_document(self.row, self.action),
         }
 
-    def _anchor(self, row: PlacedRow) -> JsonObject:
-        """Return the frame that the action is relative to, so that a robot that looks again can follow it."""
-        offset_m, rotation_xyzw = row.seen_from_anchor(self.action)
-        tolerance_m, tolerance_deg = row.demonstrated.tolerance
-        along = {AXES[axis]: name or None for axis, name in row.anchor.along}
-        return {
-            "object": row.anchor.object_name or None,
-            "frame": row.anchor.frame,
-            **({"toward": row.anchor.toward} if row.anchor.toward else {}),
-            **({"along": along} if along else {}),
-            **({"share": row.anchor.tenths / 10} if row.anchor.tenths < 10 else {}),
-            "offset_m": offset_m.tolist(),
-            "rotation_xyzw": rotation_xyzw.tolist(),
-            "tolerance_m": tolerance_m,
-            "tolerance_deg": tolerance_deg,
-        }
+
+def anchor_document(placed: PlacedRow, action: EndEffectorAction) -> JsonObject:
+    """Return the frame that an action is relative to, so that a robot that looks again can follow it."""
+    parts, (offset_m, rotation_xyzw) = FrameParts.of(placed.row.frame), placed.seen(action)
+    tolerance_m, tolerance_deg = placed.tolerance
+    names = placed.names
+    middle = names[parts.base.other] if parts.base.kind == "between" else None
+    along: dict[str, str | None] = dict.fromkeys(XYZ, middle) if middle is not None else {}
+    along |= {XYZ[axis]: names.get(source.one) for axis, source in parts.along.items()}
+    others = {"axes": parts.axes, "hand": parts.hand}
+    return {
+        "object": placed.object_name or None,
+        "frame": parts.code,
+        **({"toward": names[parts.toward]} if parts.toward else {}),
+        **({"along": along} if along else {}),
+        **({"share": 0.5} if middle is not None else {}),
+        **{name: source.named(names) for name, source in others.items() if source is not None},
+        "offset_m": offset_m.tolist(),
+        "rotation_xyzw": turns.canonical(rotation_xyzw).tolist(),
+        "tolerance_m": tolerance_m,
+        "tolerance_deg": tolerance_deg,
+    }
 
 
 class PartReply:
@@ -88,9 +97,10 @@ class PartReply:
         allows: bool,
     ) -> None:
         self._reader, self._workspace = reader, workspace
-        self._guard = SupportGuard(plans, num_before) if plans else None
+        self._tolerated_m = TOLERATED_BINS * float(workspace.bin_size_m.max())
+        rounding = np.repeat([self._tolerated_m, np.radians(TOLERATED_DEG)], 3)
+        self._guard = SupportGuard(plans, rounding, num_before) if plans else None
         self._turned, self._allows = turned, allows
-        self._tolerated_m = TOLERATED_BINS * float(self._workspace.bin_size_m.max())
         self._num_before, self._num_read = num_before, 0
         self.doubts: list[ActionDoubt] = []
         self.complete = False
@@ -135,7 +145,7 @@ class PartReply:
             return None
         beyond_m, beyond_deg = row.beyond(action)
         if beyond_m > self._tolerated_m or beyond_deg > TOLERATED_DEG:
-            self.doubts.append(ActionDoubt(index, beyond_m, beyond_deg, row.anchor.described))
+            self.doubts.append(ActionDoubt(index, beyond_m, beyond_deg, row.described))
         return row
 
     def _let_pass(self, error: UnsupportedActionError, index: int) -> None:

@@ -6,17 +6,18 @@ The turn (0 or 180 degrees) is the same for all actions of an answer, so that no
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import SceneOutOfBoundsError
 from app.pipeline.findings import Finding
-from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.rules import GRIPPER_TURNED
-from app.pipeline.plans.support import PlacedPlan, Support
-from app.pipeline.plans.turn import CLEARLY_DEG, WristRange, half_turned
 from app.pipeline.representation.base import row_count_bounds
+from app.pipeline.skill.skills import Skills
+from app.pipeline.skill.support import PlacedPlan
+from app.pipeline.skill.wrist import CLEARLY_DEG, WristRange, half_turned
 from app.services.predict.demonstrations import TaskVersion
 from app.services.predict.request import PredictOptions
 from app.services.task_settings import TaskSettings
@@ -29,32 +30,50 @@ from roboprompt_client.motion.limits import MAX_ACTIONS, USUAL_ACTIONS, MotionLi
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
-MAX_TASKS = 64  # whose demonstrated wrist angles are kept
+MAX_TASKS = 64  # whose recorded wrist angles are kept
 Plans = Mapping[str, tuple[PlacedPlan, ...] | None]  # by instruction of a part; None where they are unknown
 
 
+class Placed(NamedTuple):
+    """The parts of an instruction with their plans.
+
+    Attributes:
+        parts: with symmetric objects turned as demonstrations have them.
+        plans: the demonstrated rows of each part.
+        turned: a finding if the hand is turned in them.
+        max_actions: how many the answer may have.
+    """
+
+    parts: tuple[Query, ...]
+    plans: Plans
+    turned: list[Finding]
+    max_actions: int
+
+
 def place_plans(
-    support: Support,
-    parts: Sequence[Query],
-    options: PredictOptions,
-    task: TaskVersion,
-    taught: Taught,
-    hand: Pose | None,
-) -> tuple[Plans, list[Finding], int]:
-    """Return the demonstrated rows of each part, a finding if the hand is turned in them, and how many actions may be.
+    skills: Skills, asked: Sequence[Query], options: PredictOptions, task: TaskVersion, hand: Pose | None
+) -> Placed:
+    """Place the plans of each part.
 
     Args:
+        skills: of the demonstrations that the prompt shows.
         hand: where it is before the first action; None if unknown.
 
     Raises:
         SceneOutOfBoundsError: if every plan of a part leaves the workspace in this scene.
-        InvalidInputError: if the parts take more actions than the request allows.
+        InvalidInputError: if the parts take more actions than the request allows, or a plan needs to know the hand.
     """
-    placed = {part.instruction: support.placed(part) for part in parts}
+    placed = {part.instruction: skills.placed(part) for part in asked}
     if options.unsupported == "refuse":
         _require_within_workspace(placed.values(), task.limits)
-    plans, turned = _turned_plans(placed, taught, task.settings, hand)
-    return plans, turned, _actions_allowed(support, parts, plans, options.max_actions)
+    parts = tuple(_turned_as_shown(part, placed[part.instruction]) for part in asked)
+    plans, turned = _turned_plans(placed, skills, task.settings, hand)
+    return Placed(parts, plans, turned, _actions_allowed(skills, parts, plans, options.max_actions))
+
+
+def _turned_as_shown(part: Query, plans: Sequence[PlacedPlan] | None) -> Query:
+    rows = plans[0] if plans else ()
+    return replace(part, objects=rows[0].scene.as_turned(part)) if rows else part
 
 
 def _require_within_workspace(parts: Iterable[Sequence[PlacedPlan] | None], limits: MotionLimits) -> None:
@@ -77,13 +96,13 @@ def _breach(plan: PlacedPlan, limits: MotionLimits) -> SceneOutOfBoundsError | N
         except UnsafeActionError as error:
             quantity = error.field.partition(".")[2]
             message = f"leads out of the workspace: in action {number} of its plan {quantity} {error.message}"
-            field = f"objects[{row.anchor.object_name}]" if row.anchor.object_name else "objects"
+            field = f"objects[{row.object_name}]" if row.object_name else "objects"
             return SceneOutOfBoundsError(field, message, error.bound)
     return None
 
 
 def _turned_plans(
-    plans: Plans, taught: Taught, settings: TaskSettings, hand: Pose | None
+    plans: Plans, skills: Skills, settings: TaskSettings, hand: Pose | None
 ) -> tuple[Plans, list[Finding]]:
     """The plans with the hand turned by half a turn, and why; as they are where it stays.
 
@@ -93,7 +112,7 @@ def _turned_plans(
     every = [plan for found in plans.values() for plan in found or ()] if settings.gripper_symmetry_deg else []
     if not every:
         return plans, []
-    wrist = _wrist(taught, None if settings.arm is None else tuple(settings.robot_base))
+    wrist = _wrist(skills, None if settings.arm is None else tuple(settings.robot_base))
     if not wrist.approaches:
         return plans, []
     other = list(map(_half_turned, every))
@@ -118,9 +137,10 @@ def _half_turned(plan: PlacedPlan) -> PlacedPlan:
 
 
 @lru_cache(MAX_TASKS)
-def _wrist(taught: Taught, base_m: tuple[float, ...] | None) -> WristRange:
-    """Kept for each version of a task, as `taught` is."""
-    return WristRange(taught.demonstrations, None if base_m is None else np.array(base_m))
+def _wrist(skills: Skills, base_m: tuple[float, ...] | None) -> WristRange:
+    """Kept for each version of a task, as `skills` are."""
+    rows = [plan.shown for form in skills.forms for plan in skills.of_form(form).plans]
+    return WristRange(rows, None if base_m is None else np.array(base_m))
 
 
 def _out_of_reach(plans: Sequence[PlacedPlan], settings: TaskSettings, hand: Pose | None) -> int:
@@ -130,13 +150,13 @@ def _out_of_reach(plans: Sequence[PlacedPlan], settings: TaskSettings, hand: Pos
     return sum(not item.reachable for plan in plans for item in previewed([row.action for row in plan], settings, hand))
 
 
-def _actions_allowed(support: Support, parts: Sequence[Query], plans: Plans, asked: int | None) -> int:
+def _actions_allowed(skills: Skills, parts: Sequence[Query], plans: Plans, asked: int | None) -> int:
     """Return how many actions the answer may have: as asked for, else what the plans of the parts need, 25 at least.
 
     Raises:
         InvalidInputError: if several parts take more, before an LLM writes them in vain.
     """
-    counts = [_row_counts(support, part, plans.get(part.instruction)) for part in parts]
+    counts = [_row_counts(skills, part, plans.get(part.instruction)) for part in parts]
     fewest, most = sum(map(min, counts)), sum(map(max, counts))
     allowed = asked or min(max(most, USUAL_ACTIONS), MAX_ACTIONS)
     if len(parts) > 1 and fewest > allowed:
@@ -145,10 +165,10 @@ def _actions_allowed(support: Support, parts: Sequence[Query], plans: Plans, ask
     return allowed
 
 
-def _row_counts(support: Support, part: Query, placed: Sequence[PlacedPlan] | None) -> Sequence[int]:
+def _row_counts(skills: Skills, part: Query, placed: Sequence[PlacedPlan] | None) -> Sequence[int]:
     """Return the number of rows of each plan; of unknown plans what demonstrations with other clauses suggest."""
     if placed is None:
-        return row_count_bounds([shown for group, _ in support.plans for shown in group], part.order, MAX_ACTIONS)
+        return row_count_bounds([item.demonstration for item in skills.recordings], part.order, MAX_ACTIONS)
     return [len(plan) for plan in placed] or [1]
 
 

@@ -1,39 +1,34 @@
-"""Demonstrations -> the text before the query of a prompt, with what replies are checked against."""
+"""Demonstrations -> the text before the query of a prompt, written once."""
 
 import hashlib
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
-from app.pipeline.episode import Demonstration
-from app.pipeline.groups import by_plan
-from app.pipeline.plans import agreeing
-from app.pipeline.plans.support import Support
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
 from app.pipeline.representation import fit_codec
+from app.pipeline.skill.fit import Plan
+from app.pipeline.skill.shown import Shown, shown_of
+from app.pipeline.skill.skills import Skills
 from app.pipeline.workspace import Workspace
-from app.services.predict.demonstrations import Demonstrations
 from app.services.predict.request import PromptStyle
+from app.services.predict.scenes import Ids
 from app.services.task_settings import TaskSettings
 
 MAX_PREFIXES = 256
+MAX_WARMED = 4  # plans whose prompts a model reads ahead
 
 
 @dataclass(frozen=True, eq=False)
 class Prefix:
-    """The system prompt and the demonstrations as text, with what replies are checked against.
+    """The system prompt and the demonstrations as text.
 
     Attributes:
         template: has the text, and writes queries.
         demonstration_ids: in the order of the prompt.
-        support: checks actions against the demonstrated plans.
-        instructions: of the demonstrations.
     """
 
     template: PromptTemplate
     demonstration_ids: tuple[str, ...]
-    support: Support
-    instructions: tuple[str, ...]
 
     @cached_property
     def cache_key(self) -> str:
@@ -41,45 +36,38 @@ class Prefix:
         return hashlib.sha256(f"{self.template.system}\0{self.template.prefix}".encode()).hexdigest()[:16]
 
 
-def usual_prefixes(demonstrations: Demonstrations, settings: TaskSettings, style: PromptStyle) -> list[Prefix]:
+def usual_prefixes(skills: Skills, ids: Ids, settings: TaskSettings, style: PromptStyle) -> list[Prefix]:
     """Return the prefixes of the most frequent plans, the most frequent first."""
-    workspace, plans = settings.workspace.workspace(), demonstrations.plans
-    choices = [None] if plans is None else [choice.shown for choice in plans.likely()]
-    return [write_prefix(demonstrations, workspace, style, shown) for shown in choices]
+    workspace, usual = settings.workspace.workspace(), skills.plans_shown(None)
+    first = skills.of_form(skills.forms[0])
+    others = tuple(plan for plan in usual if plan not in first.plans)
+    choices = [(plan, *others) for plan in first.usual[:MAX_WARMED]] if first.aligned else [usual]
+    return [write_prefix(plans, ids, workspace, style) for plans in choices]
 
 
 @lru_cache(MAX_PREFIXES)
-def write_prefix(
-    demonstrations: Demonstrations,
-    workspace: Workspace,
-    style: PromptStyle,
-    of_scene: tuple[Demonstration, ...] | None,
-    absent: tuple[str, ...] = (),
-) -> Prefix:
-    """Fit the representation and write the demonstrations. The text depends on the arguments alone, byte for byte.
+def write_prefix(plans: tuple[Plan, ...], ids: Ids, workspace: Workspace, style: PromptStyle) -> Prefix:
+    """Write the demonstrations of plans. The text depends on the arguments alone, byte for byte.
 
     Args:
-        of_scene: the recorded demonstrations of the plans that the scene calls for; None: all.
-        absent: objects of the task that the scene lacks.
+        ids: of demonstrations, in the order of the prompt.
 
     Raises:
         InvalidInputError: without demonstrations.
     """
-    recorded = demonstrations.recorded if of_scene is None else of_scene
-    shown = demonstrations.shown if of_scene is None else agreeing(of_scene)
-    shown, recorded = (
-        tuple(_as_asked(item, absent, style.from_start) for item in items) for items in (shown, recorded)
-    )
+    every = {item.demonstration.id: item for plan in plans for item in shown_of(plan)}
+    shown = [_as_asked(every[id_], style.from_start) for id_ in ids if id_ in every]
     codec = fit_codec(style.representation, style.prompt_format, shown, workspace)
+    demonstrations = [item.demonstration for item in shown]
     return Prefix(
-        PromptTemplate.write(codec, shown, system_prompt_text(style.system_prompt)),
-        tuple(item.id for item in shown),
-        Support.of(by_plan(recorded), by_plan(shown)),
-        tuple(item.instruction for item in shown),
+        PromptTemplate.write(codec, demonstrations, system_prompt_text(style.system_prompt)),
+        tuple(item.id for item in demonstrations),
     )
 
 
-def _as_asked(demonstration: Demonstration, absent: Collection[str], from_start: bool) -> Demonstration:
-    """Return the demonstration without absent objects, and without the start pose if the request has none."""
-    present = demonstration.only([pose.name for pose in demonstration.objects if pose.name not in absent])
-    return present if from_start else replace(present, start=None)
+def _as_asked(shown: Shown, from_start: bool) -> Shown:
+    """Return the demonstration without the start pose if the request has none."""
+    if from_start:
+        return shown
+    rows = tuple(row.without_start for row in shown.rows)
+    return Shown(replace(shown.demonstration, start=None), rows)

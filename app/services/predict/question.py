@@ -66,35 +66,26 @@ def question_of(request: PredictRequest, read: KnownReader) -> Question:
     Synchronous: call it in a thread.
 
     Raises:
-        as `KnownReader`, `write_prefix`, `understand` and `place_plans`.
+        as `KnownReader`, `understand`, `write_prefix` and `place_plans`.
         InvalidInputError: if the prompt is too long, or an object lacks a rotation that demonstrations have.
     """
     known = read(request)
-    with timed("prompt"):
-        prefix, why = choose_prefix(request, known)
     with timed("words"):
-        order = understand(request, known, prefix.instructions)
-    template, hand = prefix.template, request.end_effector
+        order = understand(request, known, known.shown.instructions)
+    start = start_at(request.end_effector)
+    with timed("prompt"):
+        plans_shown = known.shown.plans_shown(Query(order.text, known.observed, start=start))
+        prefix = write_prefix(plans_shown, known.shown_ids, known.task.workspace, known.style)
+    template = prefix.template
     _check_length(len(template.system) + len(template.prefix))
-    start = start_at(hand)
-    seen, objects = Query(order.text, known.objects, start=start), template.posed(known.objects)
-    parts = tuple(Query(part, objects, start=start) for part in template.codec.questions(order))
-    plans, turned, max_actions = place_plans(prefix.support, parts, request.options, known.task, known.taught, hand)
-    prompt, kept = template.ask(parts[0], max_actions), request.without_frames()
-    question = Question(kept, known, order, seen, parts, prefix, prompt, plans, max_actions, turned=bool(turned))
-    return replace(question, findings=(*why, *doubts_before(question), *turned))
-
-
-def choose_prefix(request: PredictRequest, known: Known) -> tuple[Prefix, tuple[Finding, ...]]:
-    """Return the prefix for this scene, and findings that say why its demonstrations were chosen.
-
-    Of several plans it has those that the scene calls for; of demonstrations that the request names, all.
-    """
-    plans = known.demonstrations.plans
-    named = request.options.episode_ids is not None
-    choice = None if named or plans is None else plans(known.objects)
-    shown, findings = (None, ()) if choice is None else (choice.shown, choice.findings)
-    return write_prefix(known.demonstrations, known.task.workspace, known.style, shown, known.absent), findings
+    objects, seen = template.posed(known.observed), Query(order.text, known.objects, start=start)
+    asked = [Query(part, objects, start=start) for part in template.codec.questions(order)]
+    placed = place_plans(known.shown, asked, request.options, known.task, request.end_effector)
+    prompt, kept = template.ask(placed.parts[0], placed.max_actions), request.without_frames()
+    question = Question(
+        kept, known, order, seen, placed.parts, prefix, prompt, placed.plans, placed.max_actions, bool(placed.turned)
+    )
+    return replace(question, findings=(*doubts_before(question), *placed.turned))
 
 
 def understand(request: PredictRequest, known: Known, taught: Sequence[str]) -> Order:
@@ -127,12 +118,11 @@ def doubts_before(question: Question) -> Iterator[Finding]:
     followed = taught.followed(order)
     yield from other_objects(known.absent, [pose.name for pose in known.bystanders])
     yield from symmetry_findings(known.task.symmetries or {})
-    yield from _words(order, question.prefix.instructions)
+    yield from _words(order, known.shown.instructions)
     yield from _parts(question)
     that_matter = tuple(pose for pose in seen.objects if pose.name in followed or not followed)
     yield from source_findings(that_matter, taught.demonstrations, taught.compared)
     yield from taught.findings(order)
-    yield from taught.of_prompt(question.parts, question.plans, question.prefix.demonstration_ids)
     yield from scene_findings(seen, taught.scenes, followed, taught.turning(order), taught.needed)
     if taught.follows_start(order):
         yield from start_findings(hand, taught.scenes)
