@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, cast
 
 from app.pipeline.representation.base import SUMS_FORMAT
+from app.pipeline.representation.frame_text import PATTERN
 
 Kind = Literal["object", "action", "instruction", "separator", "plain"]
 
@@ -44,7 +45,7 @@ _PARTS = re.compile(
     re.MULTILINE,
 )
 # A red button 40 41 17 36; push the red button > 1 A w: +0 +0 +14 36 36 0 0; 2 A w: +0 +0 +2 0; ...
-_ANCHOR = r"(?:[A-Z]+ (?:ow|wo|[wo])(?: [xyz]=\w+)*(?: [1-9]/10)?|world|start)"
+_ANCHOR = PATTERN
 _ROW = rf"(?P<action>\d+ {_ANCHOR}:(?: [+-]\d+){{3}}(?: \d+ \d+ \d+)? [01](?=;|\Z|\n))"
 _OBJECT = r"(?:^|(?<=; ))(?P<object>[A-Z]+ [^;>\n]+?(?: \d+){3,6})"
 _INSTRUCTION = r"(?:^|(?<=; ))(?P<instruction>[^;>\n]+)(?= >)"

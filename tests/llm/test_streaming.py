@@ -10,11 +10,11 @@ from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.reasoning import DELIMITERS
 from app.pipeline.reply import ReplyReader
-from app.pipeline.representation import fit_codec
+from tests.pipeline.asking import codec_of
 from tests.pipeline.scenes import WORKSPACE, action, demonstration, pose
 
 CUP = pose("cup", (0.1, 0.2, 0.7), 30)
-CODEC = fit_codec("absolute", "paper", [demonstration("lift the cup", [CUP], [action((0.1, 0.2, 0.8))])], WORKSPACE)
+CODEC = codec_of("absolute", "paper", [demonstration("lift the cup", [CUP], [action((0.1, 0.2, 0.8))])], WORKSPACE)
 DRAFT = "[[1, 1, 1, 0, 36, 36, 1], [1, 1, 2, 0, 36, 36, 1]]"
 FINAL = "[[9, 9, 9, 0, 36, 36, 1], [9, 9, 8, 0, 36, 36, 1]]"
 QUERY = Query("lift the cup", (CUP,))

@@ -2,6 +2,9 @@
 
 from app.pipeline.episode import Query
 from app.pipeline.reply import ReplyReader
+from app.pipeline.representation import fit_codec
+from app.pipeline.skill.shown import shown_as_they_are
+from tests.pipeline.scenes import WORKSPACE
 
 
 def grammar_of(codec, instruction):
@@ -17,3 +20,8 @@ def schema_of(codec, instruction):
 def parse_reply(reply_text, codec, objects, instruction, max_actions=25):
     """The actions of a whole reply."""
     return ReplyReader(codec, Query(instruction, tuple(objects)), max_actions).finish(reply_text)
+
+
+def codec_of(representation, prompt_format, demonstrations, workspace=WORKSPACE):
+    """The codec of demonstrations as they are."""
+    return fit_codec(representation, prompt_format, shown_as_they_are(demonstrations), workspace)

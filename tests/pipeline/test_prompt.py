@@ -4,8 +4,8 @@ import pytest
 
 from app.pipeline.episode import Query
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate, system_prompt_text
-from app.pipeline.representation import fit_codec
 from roboprompt_client.errors import InvalidInputError
+from tests.pipeline.asking import codec_of
 
 from .gbnf import matches
 from .scenes import WORKSPACE, action, demonstration, pose
@@ -20,7 +20,7 @@ def shown(x_m):
 
 def template(representation, prompt_format="paper"):
     demonstrations = [shown(0.125), shown(0.205)]
-    codec = fit_codec(representation, prompt_format, demonstrations, WORKSPACE)
+    codec = codec_of(representation, prompt_format, demonstrations, WORKSPACE)
     return PromptTemplate.write(codec, demonstrations, A)
 
 

@@ -3,16 +3,15 @@ import pytest
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.reply import ReplyReader
-from app.pipeline.representation import fit_codec
 from roboprompt_client.motion.limits import USUAL_ACTIONS
-from tests.pipeline.asking import parse_reply
+from tests.pipeline.asking import codec_of, parse_reply
 
 from .scenes import WORKSPACE, action, demonstration, pose, same_actions
 
 LIFT = "lift the cup"
 CUP = pose("cup", (0.1, 0.2, 0.7), 30)
 SHOWN = demonstration(LIFT, [CUP], [action((0.1, 0.2, 0.8)), action((0.1, 0.2, 0.9), gripper_open=False)])
-ABSOLUTE, OBJECT_FRAME = (fit_codec(name, "paper", [SHOWN], WORKSPACE) for name in ("absolute", "object_frame"))
+ABSOLUTE, OBJECT_FRAME = (codec_of(name, "paper", [SHOWN], WORKSPACE) for name in ("absolute", "object_frame"))
 LIST = "[[46, 74, 55, 54, 36, 37, 1], [46, 74, 60, 0, 36, 71, 0]]"
 LINE = "1 A w: +0 +0 +20 0 36 36 1; 2 A o: -10 +2 +40 71 36 0 0"
 REPLIES = [  # with the number of actions that are known before the reply is complete

@@ -1,17 +1,14 @@
-from typing import get_args
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from app.pipeline.episode import Demonstration, Query
 from app.pipeline.prompt import SYSTEM_PROMPTS, PromptTemplate
-from app.pipeline.representation import fit_codec
-from app.pipeline.representation.anchors import AnchorFrame
 from app.pipeline.representation.base import PROMPT_FORMATS, REPRESENTATIONS, formats_of
 from app.pipeline.spans import prompt_spans
 from app.pipeline.workspace import Workspace
 from roboprompt_client.types.poses import EndEffectorAction, ObjectPose
+from tests.pipeline.asking import codec_of
 
 STYLES = [(representation, form) for representation in REPRESENTATIONS for form in formats_of(representation)]
 FORMATS = [(name, form) for name, form in STYLES if name != "parts" and form in PROMPT_FORMATS]
@@ -33,7 +30,7 @@ def demonstration(instruction, x_m):
 
 def prompt_and_actions(representation, prompt_format, instruction):
     demonstrations = [demonstration(instruction, x_m) for x_m in (0.1, 0.2)]
-    codec = fit_codec(representation, prompt_format, demonstrations, Workspace.rlbench())
+    codec = codec_of(representation, prompt_format, demonstrations, Workspace.rlbench())
     template = PromptTemplate.write(codec, demonstrations, "")
     query = demonstration(instruction, 0.3)
     return template.ask(Query(instruction, query.objects), 25).user, [codec.actions_text(d) for d in demonstrations]
@@ -115,8 +112,9 @@ def test_a_text_of_another_representation_stays_as_it_is(system):
     assert "".join(span.text for span in prompt_spans(system, "action_tokens", "paper")) == system
 
 
-@pytest.mark.parametrize("frame", [*get_args(AnchorFrame), "w z=world", "wo x=B y=B z=B", "w x=B y=B z=B 5/10"])
+@pytest.mark.parametrize(
+    "frame", ["A w", "A o", "A ow>B", "A wo hand=B", "world", "start hand=A>B", "A w z=world x=B", "A/B w axes=C"]
+)
 def test_a_row_of_every_frame_is_an_action(frame):
-    follows = frame if frame in ("world", "start") else f"A {frame}"
-    row = f"1 {follows}: +0 -3 +24 0 36 36 0"
+    row = f"1 {frame}: +0 -3 +24 0 36 36 0"
     assert texts(prompt_spans(row, "object_frame", "paper"), "action") == [row]

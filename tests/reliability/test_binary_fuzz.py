@@ -14,13 +14,12 @@ from hypothesis import strategies as st
 
 from app.perception.images import decode_depth, decode_mask, decode_rgb
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.representation import fit_codec
 from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import MAX_ACTIONS
 from roboprompt_client.types.trajectory import Trajectory
 from tests.episodes import arrays, npz, pick_trajectory
-from tests.pipeline.asking import parse_reply
+from tests.pipeline.asking import codec_of, parse_reply
 from tests.pipeline.scenes import WORKSPACE, action, demonstration, pose
 
 many = settings(
@@ -110,7 +109,7 @@ TEXTS = st.lists(WORDS | NUMBERS | st.sampled_from(ROWS) | st.text(max_size=3), 
 
 @pytest.mark.parametrize("representation", ["absolute", "object_frame", "action_tokens", "parts"])
 def test_reply(representation):
-    codec = fit_codec(representation, "paper", [SHOWN], WORKSPACE)
+    codec = codec_of(representation, "paper", [SHOWN], WORKSPACE)
 
     @many
     @given(TEXTS)

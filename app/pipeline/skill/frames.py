@@ -5,7 +5,7 @@ candidates (origins of single axes, directions, the hand's start), and a prior p
 """
 
 from collections.abc import Sequence
-from itertools import permutations
+from itertools import combinations, permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -75,7 +75,7 @@ class Candidates(NamedTuple):
         named = [key for key in scenes.keys if is_named(key)][:MAX_PAIRED]
         pairs = [(one, other) for one, other in permutations(named, 2) if _apart_m(scenes, one, other) > APART_M]
         objects = tuple(Source("object", key) for key in scenes.keys)
-        middles = tuple(Source("between", one, other) for one, other in pairs if one < other)
+        middles = tuple(Source("between", one, other) for one, other in combinations(named, 2))
         start = (START,) if scenes.knows_start else ()
         turning = [
             key

@@ -7,9 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.representation import fit_codec
 from roboprompt_client.types.poses import EndEffectorAction
-from tests.pipeline.asking import grammar_of, parse_reply, schema_of
+from tests.pipeline.asking import codec_of, grammar_of, parse_reply, schema_of
 
 from ..gbnf import matches
 from ..scenes import WORKSPACE, action, angle_deg, demonstration, pose
@@ -25,7 +24,7 @@ NUM_RANDOM = 500
 
 
 def fitted(prompt_format="paper", *demonstrations):
-    return fit_codec("action_tokens", prompt_format, demonstrations or (OPEN,), WORKSPACE)
+    return codec_of("action_tokens", prompt_format, demonstrations or (OPEN,), WORKSPACE)
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from app.pipeline.order.order import Order
-from app.pipeline.representation import fit_codec
 from app.pipeline.representation.base import PROMPT_FORMATS, REPRESENTATIONS, row_count_bounds
 from roboprompt_client.errors import InvalidInputError
+from tests.pipeline.asking import codec_of
 
 from ..scenes import WORKSPACE, action, demonstration, pose
 
@@ -39,14 +39,14 @@ def test_row_count_bounds(demonstrations, instruction, max_actions, expected):
 @pytest.mark.parametrize("representation", REPRESENTATIONS)
 @pytest.mark.parametrize("prompt_format", PROMPT_FORMATS)
 def test_the_format_decides_whether_the_observation_has_the_instruction(representation, prompt_format):
-    codec = fit_codec(representation, prompt_format, [demo(2)], WORKSPACE)
+    codec = codec_of(representation, prompt_format, [demo(2)], WORKSPACE)
     assert (ONE in codec.observation_text(demo(2))) == (prompt_format == "paper")
 
 
 @pytest.mark.parametrize("representation", REPRESENTATIONS)
 def test_texts_have_plain_integers_only(representation):
     given = demonstration(ONE, [pose("button", np.array([0.1, 0.2, 0.9]), 33)], [action((0.1, 0.2, 1))])
-    text = fit_codec(representation, "paper", [given], WORKSPACE).demonstration_text(given)
+    text = codec_of(representation, "paper", [given], WORKSPACE).demonstration_text(given)
     assert "np" not in text
     assert "int" not in text
 
@@ -62,5 +62,5 @@ def test_texts_have_plain_integers_only(representation):
 )
 def test_unknown_names_and_missing_demonstrations_are_refused(representation, prompt_format, demonstrations, field):
     with pytest.raises(InvalidInputError) as caught:
-        fit_codec(representation, prompt_format, demonstrations, WORKSPACE)
+        codec_of(representation, prompt_format, demonstrations, WORKSPACE)
     assert caught.value.field == field

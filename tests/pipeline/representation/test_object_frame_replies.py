@@ -3,6 +3,7 @@ import pytest
 
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.object_frame import ObjectFrameCodec
+from app.pipeline.skill.shown import shown_as_they_are
 from tests.pipeline.asking import grammar_of, parse_reply
 
 from ..gbnf import matches
@@ -17,7 +18,7 @@ ROW_2 = "2 B w: +0 +0 +4 36 36 36 0"
 
 def codec_for(*nums_actions, objects=(CUP, PLATE), instruction=INSTRUCTION):
     shown = [demonstration(instruction, objects, [action((0.1, 0.2, 0.8))] * n) for n in nums_actions]
-    return ObjectFrameCodec.fit(shown, WORKSPACE, with_instruction=True)
+    return ObjectFrameCodec.of(shown_as_they_are(shown), WORKSPACE, with_instruction=True)
 
 
 @pytest.mark.parametrize(
