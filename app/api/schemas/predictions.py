@@ -32,6 +32,23 @@ class AnchorOut(BaseModel):
             description="world axes along which the offset is from another object, or (null) from the world's origin",
         ),
     ]
+    axes: Annotated[
+        list[str] | None,
+        Field(
+            default=None,
+            max_length=2,
+            description="what turns the offset, where that is other than `frame` says: the axes of an object, or level "
+            "axes of which x points from the first object to the second",
+        ),
+    ]
+    hand: Annotated[
+        list[str] | None,
+        Field(
+            default=None,
+            max_length=2,
+            description="the same of the rotation; empty: it follows where the end effector was at first",
+        ),
+    ]
     share: Annotated[
         float,
         Field(default=1.0, description="of the way from the object to the other one of `along`, where the origin is"),

@@ -122,7 +122,7 @@ def _axes_prior(axes: Source, origin: Source) -> float:
     if not origin.objects:
         return 0.0 if axes == WORLD else OTHER_AXES
     if axes.kind == "toward":
-        return DIRECTION if origin.kind == "object" and origin.one in axes.objects else -np.inf
+        return DIRECTION if origin.kind == "object" and origin.one == axes.one else -np.inf
     if axes == WORLD:
         return WORLD_AXES
     return 0.0 if axes.one == origin.one and origin.kind == "object" else OTHER_AXES

@@ -15,7 +15,7 @@ from app.pipeline.skill.scene import Scene
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
-SUPPORTED = 0.999  # share of further recordings whose acts are supported: `doubts.DANGER_P` is its complement
+SUPPORTED = 0.99  # share of further recordings whose acts are supported
 USUALLY = 0.9  # share of them within the tolerance that an answer gives
 
 
@@ -61,6 +61,15 @@ class PlacedRow:
         turn = turns.product(turns.inverse(self.action.quaternion_xyzw), action.quaternion_xyzw)
         off: Array = np.abs(np.concatenate([place, turns.log(turn)]))
         return off
+
+    def within(self, rounding: Array) -> Array:
+        """Return how far (6,) from the mean an action is supported."""
+        return self.row.within(SUPPORTED) + rounding
+
+    def supports(self, action: EndEffectorAction, rounding: Array) -> bool:
+        """Return whether recordings support an action, which text may have rounded by (6,) m and rad."""
+        near = bool((self.off(action) <= self.within(rounding)).all())
+        return near and action.gripper_open == self.action.gripper_open
 
     def away(self, action: EndEffectorAction) -> float:
         """Return how far an action is from the mean, in scales of the predictive."""
@@ -115,19 +124,12 @@ class SupportGuard:
             most = self._before + max(map(len, self._plans), default=0)
             message = "is one more than demonstrated"
             raise UnsupportedActionError(self._before + index, message, f"at most {most} actions")
-        supporting = [plan for plan in going_on if self._supports(plan[index], action)]
+        supporting = [plan for plan in going_on if plan[index].supports(action, self._rounding)]
         if not supporting:
             nearest = min((plan[index] for plan in going_on), key=lambda row: row.away(action))
             raise self._unsupported(action, nearest)
         self._plans, self._index = supporting, index + 1
         return min((plan[index] for plan in supporting), key=lambda row: row.away(action))
-
-    def _supports(self, row: PlacedRow, action: EndEffectorAction) -> bool:
-        near = bool((row.off(action) <= self._within(row)).all())
-        return near and action.gripper_open == row.action.gripper_open
-
-    def _within(self, row: PlacedRow) -> Array:
-        return row.row.within(SUPPORTED) + self._rounding
 
     def pass_by(self) -> None:
         """Continue after an action that `check` refused, with every plan that has a row there."""
@@ -145,7 +147,7 @@ class SupportGuard:
             raise UnsupportedActionError(missing, "is missing: the reply ends too early", f"{fewest} actions")
 
     def _unsupported(self, action: EndEffectorAction, row: PlacedRow) -> UnsupportedActionError:
-        index, off, within, of = self._before + self._index, row.off(action), self._within(row), row.described
+        index, off, within, of = self._before + self._index, row.off(action), row.within(self._rounding), row.described
         c = int((off / within).argmax())
         if off[c] <= within[c]:
             state = "open" if action.gripper_open else "closed"

@@ -64,7 +64,7 @@ def anchor_document(placed: PlacedRow, action: EndEffectorAction) -> JsonObject:
         **({"toward": names[parts.toward]} if parts.toward else {}),
         **({"along": along} if along else {}),
         **({"share": 0.5} if middle is not None else {}),
-        **{name: source.named(names) for name, source in others.items() if source is not None},
+        **{name: [names[key] for key in of.objects] for name, of in others.items() if of is not None},
         "offset_m": offset_m.tolist(),
         "rotation_xyzw": turns.canonical(rotation_xyzw).tolist(),
         "tolerance_m": tolerance_m,
