@@ -12,7 +12,6 @@ from app.pipeline.skill.evidence import Posterior, posterior
 from app.pipeline.skill.frames import ONE_AXIS, Candidates, Frame, is_named
 from app.pipeline.skill.recording import Rows
 from app.pipeline.skill.rows import AXES, Row
-from app.pipeline.skill.scene import START
 from roboprompt_client.types.arrays import Array
 
 FLOOR_M, FLOOR_RAD = 0.003, np.radians(2.0)  # noise that is expected of a hand at an object: of scripted recordings
@@ -53,9 +52,9 @@ class _Seen:
         priors = self.candidates.place_prior(self.rows.scenes, self.rows.hand), self.candidates.hand_prior()
         total = (of_place + priors[0])[..., None] + of_turn[:, None, None] + priors[1][None, :, None]
         path = _viterbi(total)
-        return tuple(self._row(k, state, origins[k], total[k], of_turn[k]) for k, state in enumerate(path))
+        return tuple(self._row(k, state, origins[k], total[k]) for k, state in enumerate(path))
 
-    def _row(self, k: int, state: State, origins: npt.NDArray[np.int_], total: Array, of_turn: Array) -> Row:
+    def _row(self, k: int, state: State, origins: npt.NDArray[np.int_], total: Array) -> Row:
         axes, origin, hand = state
         along, found = origins[axes, origin], self.candidates
         one, two, three = (found.origins[o] for o in along)
@@ -64,15 +63,11 @@ class _Seen:
         whole = Posterior(*(np.concatenate([getattr(place, n), getattr(turn, n)]) for n in NAMES))
         residuals = np.concatenate([self.places[k, axes][along, AXES], self.rotations[hand, k]])
         residuals = residuals - whole.mean[:, None]
-        unstarted = None
-        if frame.hand == START:  # what follows the hand's start needs something else where that is not known
-            second = int((of_turn + found.hand_prior()[axes])[:-1].argmax())
-            unstarted = found.axes[second], self._mean(second, k)
         is_open = bool(self.rows.gripper_open[k])
         of_origin = total.max(axis=(0, 2)).tolist()
         rivals = {of.one: best for of, best in zip(found.origins, of_origin, strict=True) if of.kind == "object"}
         mean, evidence = self._mean(hand, k), float(total[state])
-        return Row(frame, place.mean, mean, whole, residuals, is_open, evidence, rivals, unstarted)
+        return Row(frame, place.mean, mean, whole, residuals, is_open, evidence, rivals)
 
     def _mean(self, hand: int, k: int) -> Array:
         return turns.product(self.medoid[hand, k], turns.exp(self.turn.mean[hand, k]))

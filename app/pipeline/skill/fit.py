@@ -17,7 +17,6 @@ from app.pipeline.skill.rows import Row, placed
 from app.pipeline.skill.scene import Scene
 from app.pipeline.skill.ways import LEAST, Condition, split, told_apart
 from app.pipeline.thresholds import M_PER_RAD
-from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -45,23 +44,13 @@ class Plan:
         return all(condition.holds(scene) for condition in self.when)
 
     def at(self, scene: Scene) -> list[EndEffectorAction]:
-        """Return the rows in a scene; where the hand's start is needed and not known, positions are not finite."""
+        """Return the rows in a scene."""
         places, hands = placed(self.rows, self.as_shown(scene))
-        if not np.isfinite(places).all():
-            raise UnknownStartError
         return EndEffectorAction.many(places, hands, self.shown.gripper_open.tolist())
 
     def as_shown(self, scene: Scene) -> Scene:
         """Return a scene with what looks alike turned as in the recordings."""
         return as_shown(scene, self.shown, self.rows)
-
-
-class UnknownStartError(InvalidInputError):
-    """The plan starts from where the hand is, and a scene does not say where."""
-
-    def __init__(self) -> None:
-        message = "is missing, but the motion begins from where the hand is"
-        super().__init__("end_effector", message, "its position and quaternion_xyzw")
 
 
 def plans_of(recordings: Sequence[Recording]) -> tuple[Plan, ...]:
@@ -187,7 +176,7 @@ def straight(rows: Rows, k: int) -> float:
 
     What is off by less than the tolerance of keyframes is as good as on the line.
     """
-    before, turn_before = rows.scenes.start, rows.scenes.start_turn
+    before, turn_before = rows.first, rows.first_turn
     if k:
         before, turn_before = rows.hand[:, k - 1], rows.turn[:, k - 1]
     here, after = rows.hand[:, k], rows.hand[:, k + 1]

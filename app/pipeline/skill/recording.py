@@ -14,7 +14,7 @@ from app.pipeline.keyframes.resting import leave_path, path_left_m
 from app.pipeline.keyframes.rules import MAX_KEYFRAMES, at_tips, best_waypoints
 from app.pipeline.names import folded_name
 from app.pipeline.order.order import Order
-from app.pipeline.skill.scene import Scene
+from app.pipeline.skill.scene import UNKNOWN_PLACE, UNKNOWN_TURN, Scene
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -72,6 +72,12 @@ class Recording:
         return replace(self, demonstration=shown, scene=self.scene.only(keys))
 
     @cached_property
+    def without_start(self) -> "Recording":
+        """The recording as if nobody told where the hand starts, so that no row follows that."""
+        scene = replace(self.scene, start=UNKNOWN_PLACE, start_turn=UNKNOWN_TURN)
+        return replace(self, demonstration=replace(self.demonstration, start=None), scene=scene)
+
+    @cached_property
     def rests(self) -> bool:
         """Whether the hand rests at its keyframes."""
         return self.rule.rule != "waypoints" and manner_of(self.motion, self.rule.delta_rad_s) == "rests"
@@ -103,6 +109,7 @@ class Rows:
         hand, turn: (N, R, 3) m and (N, R, 4) there.
         gripper_open: (R,) what the gripper does there.
         before: whether it is open at the start.
+        first, first_turn: (N, 3) m and (N, 4) where the hands start.
     """
 
     scenes: Scene
@@ -111,6 +118,8 @@ class Rows:
     turn: Array
     gripper_open: npt.NDArray[np.bool_]
     before: bool
+    first: Array
+    first_turn: Array
 
     def __len__(self) -> int:
         return len(self.gripper_open)
@@ -163,6 +172,8 @@ def at_keyframes(demonstrations: Sequence[Demonstration], scenes: Sequence[Scene
         np.array([[action.quaternion_xyzw for action in own] for own in actions]).reshape(-1, number, 4),
         is_open,
         before=True,
+        first=np.array([scene.start for scene in scenes]),
+        first_turn=np.array([scene.start_turn for scene in scenes]),
     )
 
 
@@ -191,6 +202,8 @@ def aligned(recordings: Sequence[Recording], counts: Sequence[int], costs: Costs
         np.array([given.quaternions_xyzw[frames] for given, frames in zip(trajectories, found, strict=True)]),
         is_open,
         phases[0].gripper_open,
+        np.array([given.positions_m[0] for given in trajectories]),
+        np.array([given.quaternions_xyzw[0] for given in trajectories]),
     )
 
 

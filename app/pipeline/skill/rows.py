@@ -1,8 +1,7 @@
 """A row of a skill: where the hand goes, as six Student t distributions in a task-parameterised frame."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import stdtrit
@@ -10,7 +9,7 @@ from scipy.special import stdtrit
 from app.pipeline.skill import turns
 from app.pipeline.skill.evidence import Posterior, two_sided_p
 from app.pipeline.skill.frames import Frame
-from app.pipeline.skill.scene import Scene, Source
+from app.pipeline.skill.scene import Scene
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
@@ -28,8 +27,6 @@ class Row:
         residuals: (6, N) of the demonstrations.
         log_evidence: of the row in its frame, with the frame's log prior; `rivals`: the same of the best frame with
             its origin at each object.
-        unstarted: what the rotation follows instead, and the mean relative to it, where nobody tells how the hand
-            starts; None where that does not matter.
     """
 
     frame: Frame
@@ -40,7 +37,6 @@ class Row:
     gripper_open: bool
     log_evidence: float
     rivals: Mapping[str, float]
-    unstarted: tuple[Source, Array] | None = None
 
     @property
     def scale(self) -> Array:
@@ -51,14 +47,6 @@ class Row:
         """Return how far (6,) from the mean this share of further demonstrations is, along each coordinate."""
         found: Array = stdtrit(self.posterior.dof, (1 + share) / 2) * self.scale
         return found
-
-    @cached_property
-    def without_start(self) -> "Row":
-        """The row where nobody tells how the hand starts."""
-        if self.unstarted is None:
-            return self
-        source, mean = self.unstarted
-        return replace(self, frame=self.frame._replace(hand=source), turn=mean, unstarted=None)
 
     def at(self, scene: Scene) -> EndEffectorAction:
         """Return the row's mean in a scene."""
@@ -78,14 +66,9 @@ class Row:
 
 
 def placed(rows: Sequence[Row], scene: Scene) -> tuple[Array, Array]:
-    """Return places (R, 3) and rotations (R, 4) of R rows in one scene.
-
-    Where the hand's start is not known, rotations that follow it follow what explains them second best; places that
-    follow it are NaN.
-    """
-    known = rows if scene.knows_start else [row.without_start for row in rows]
-    frames = [row.frame for row in known]
-    return posed(frames, np.array([row.place for row in known]), np.array([row.turn for row in known]), scene)
+    """Return places (R, 3) and rotations (R, 4) of R rows in one scene; NaN where its hand is not known but needed."""
+    frames = [row.frame for row in rows]
+    return posed(frames, np.array([row.place for row in rows]), np.array([row.turn for row in rows]), scene)
 
 
 def posed(frames: Sequence[Frame], places: Array, rotations: Array, scene: Scene) -> tuple[Array, Array]:

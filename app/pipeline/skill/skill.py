@@ -75,11 +75,15 @@ class Skill:
         return doubts.of_answer(plan.rows, actions, plan.as_shown(scene), most_p)
 
 
-def fit(recordings: Sequence[Recording], of_task: Sequence[Recording] | None = None) -> Skill:
+def fit(
+    recordings: Sequence[Recording], of_task: Sequence[Recording] | None = None, *, knows_start: bool = True
+) -> Skill:
     """Return the skill of recordings whose instructions have one form.
 
     Args:
         of_task: all recordings in such scenes, also of other instructions; None: the same.
+        knows_start: whether scenes will tell where the hand starts; else no row follows that.
     """
     density = SceneDensity.learned([item.scene for item in of_task or recordings])
-    return Skill(recordings[0].order.form, plans_of(recordings), density, tuple(recordings))
+    members = recordings if knows_start else [item.without_start for item in recordings]
+    return Skill(recordings[0].order.form, plans_of(members), density, tuple(recordings))

@@ -25,10 +25,12 @@ class Skills:
     Attributes:
         recordings: of all instructions, in the order of prompts.
         symmetry: degrees after which an object looks the same, by its name; 0 for a round one.
+        knows_start: whether scenes tell where the hand starts; else no row follows that.
     """
 
     recordings: tuple[Recording, ...]
     symmetry: Mapping[str, float]
+    knows_start: bool = True
     _fitted: dict[str, Skill] = field(default_factory=dict, init=False, repr=False)
     _few: dict[frozenset[str], "Skills"] = field(default_factory=dict, init=False, repr=False)
 
@@ -53,7 +55,7 @@ class Skills:
         """Return the skill of one of `forms`; fitted once."""
         if form not in self._fitted:
             alike = [item for item in self.recordings if item.order.form == form]
-            self._fitted[form] = fit(alike, self.recordings)
+            self._fitted[form] = fit(alike, self.recordings, knows_start=self.knows_start)
         return self._fitted[form]
 
     def only(self, names: Collection[str]) -> "Skills":
@@ -63,6 +65,11 @@ class Skills:
             self._few.clear()
             self._few[key] = replace(self, recordings=tuple(item.only(names) for item in self.recordings))
         return self._few[key]
+
+    @cached_property
+    def without_start(self) -> "Skills":
+        """The same for scenes that do not tell where the hand starts."""
+        return replace(self, knows_start=False)
 
     @cached_property
     def needed(self) -> frozenset[str]:
@@ -103,7 +110,6 @@ class Skills:
 
         Raises:
             InvalidInputError: if the plans combine in too many ways.
-            UnknownStartError: if a row starts from where the hand is, which the query does not tell.
         """
         plans, clauses = self.plans_for(query), query.order.clauses
         number = len(plans[0].members[0].order.clauses)

@@ -85,11 +85,10 @@ PlacedPlan = tuple[PlacedRow, ...]
 
 
 def placed_plan(plan: Plan, query: Query, scene: Scene) -> PlacedPlan:
-    """Return a plan's rows in the scene of a query; raises UnknownStartError as `Plan.at`."""
+    """Return a plan's rows in the scene of a query."""
     names = {query.order.placeholder(pose.name): pose.name for pose in query.objects}
     turned = plan.as_shown(scene)
-    rows = plan.rows if scene.knows_start else [row.without_start for row in plan.rows]
-    return tuple(PlacedRow(row, turned, names, action) for row, action in zip(rows, plan.at(scene), strict=True))
+    return tuple(PlacedRow(row, turned, names, action) for row, action in zip(plan.rows, plan.at(scene), strict=True))
 
 
 def joined(plans: Sequence[PlacedPlan]) -> PlacedPlan:

@@ -118,14 +118,15 @@ class KnownReader:
         taught = task.taught(style.from_start)
         observed = tuple(poses[name] for name in names if name in poses)
         ids = task.selected(request.options, observed)
+        shown = task.skills_of(ids)
         return Known(
             kept,
             profile,
             style,
-            task.skills_of(ids),
+            shown if from_start else shown.without_start,
             ids,
             taught,
-            task.skills,
+            task.skills if from_start else task.skills.without_start,
             observed,
             objects=task.folded(observed),
             absent=tuple(name for name in names if name not in poses),
@@ -193,4 +194,4 @@ class KnownReader:
             style = PromptStyle.of(options, task.kept.settings, self._profile_of(None))
             task.taught(style.from_start)  # refuses a task without demonstrations
             ids = task.selected(options, ())
-            return task.skills_of(ids), ids, task.kept.settings, style
+            return task.skills_of(ids).without_start, ids, task.kept.settings, style

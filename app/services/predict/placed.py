@@ -61,7 +61,7 @@ def place_plans(
 
     Raises:
         SceneOutOfBoundsError: if every plan of a part leaves the workspace in this scene.
-        InvalidInputError: if the parts take more actions than the request allows, or a plan needs to know the hand.
+        InvalidInputError: if the parts take more actions than the request allows.
     """
     placed = {part.instruction: skills.placed(part) for part in asked}
     if options.unsupported == "refuse":

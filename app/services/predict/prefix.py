@@ -1,13 +1,13 @@
 """Demonstrations -> the text before the query of a prompt, written once."""
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 from app.pipeline.prompt import PromptTemplate, system_prompt_text
 from app.pipeline.representation import fit_codec
 from app.pipeline.skill.fit import Plan
-from app.pipeline.skill.shown import Shown, shown_of
+from app.pipeline.skill.shown import shown_of
 from app.pipeline.skill.skills import Skills
 from app.pipeline.workspace import Workspace
 from app.services.predict.request import PromptStyle
@@ -56,18 +56,10 @@ def write_prefix(plans: tuple[Plan, ...], ids: Ids, workspace: Workspace, style:
         InvalidInputError: without demonstrations.
     """
     every = {item.demonstration.id: item for plan in plans for item in shown_of(plan)}
-    shown = [_as_asked(every[id_], style.from_start) for id_ in ids if id_ in every]
+    shown = [every[id_] for id_ in ids if id_ in every]
     codec = fit_codec(style.representation, style.prompt_format, shown, workspace)
     demonstrations = [item.demonstration for item in shown]
     return Prefix(
         PromptTemplate.write(codec, demonstrations, system_prompt_text(style.system_prompt)),
         tuple(item.id for item in demonstrations),
     )
-
-
-def _as_asked(shown: Shown, from_start: bool) -> Shown:
-    """Return the demonstration without the start pose if the request has none."""
-    if from_start:
-        return shown
-    rows = tuple(row.without_start for row in shown.rows)
-    return Shown(replace(shown.demonstration, start=None), rows)

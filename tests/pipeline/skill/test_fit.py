@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from app.pipeline.skill import fit, turns
-from app.pipeline.skill.fit import UnknownStartError
 from tests.pipeline.skill.shown import HOME_M, drawn, home, moved, posed, recordings, scene, stops_of
 
 NEW = drawn(np.random.default_rng(99))
@@ -114,7 +113,7 @@ def test_an_answer_that_is_off_is_named(skill):
     assert worst.value == pytest.approx(0.04)
 
 
-def test_a_motion_from_the_start_needs_the_start():
+def test_a_motion_from_the_start_follows_that_where_scenes_tell_it():
     def from_start(number, objects, stops):
         random = np.random.default_rng(number)
         start = HOME_M + random.uniform(-0.2, 0.2, 3)
@@ -122,12 +121,14 @@ def test_a_motion_from_the_start_needs_the_start():
         hands = stops[0][1]
         return objects, [(start + way, hands, True) for way in ways]
 
-    plan = fit(recordings(8, change=from_start)).plans[0]
+    shown = recordings(8, change=from_start)
+    plan = fit(shown).plans[0]
     at = scene(NEW, home(HOME_M + 0.1))
     np.testing.assert_allclose(plan.at(at)[-1].position_m, HOME_M + 0.1 + (0.1, 0.1, -0.1), atol=1e-6)
+    (other,) = fit(shown, knows_start=False).plans
+    assert not any(row.frame.needs_start for row in other.rows)
     unknown = replace(at, start=np.full(3, np.nan), start_turn=np.full(4, np.nan))
-    with pytest.raises(UnknownStartError):
-        plan.at(unknown)
+    assert np.isfinite(other.at(unknown)[-1].position_m).all()
 
 
 def test_what_the_hand_holds_moves_with_it_and_lies_where_it_is_let_go(skill):
