@@ -223,6 +223,27 @@ def test_anchors_as_the_service_sends_them():
     assert anchor_from_json(0, {}) is None
 
 
+def test_a_hand_that_turns_with_another_object_than_its_place():
+    """A lid is held over a jar: its place follows the jar, its turn the lid; axes may be another object's, too."""
+    before, now = seen("jar") | seen("lid", 0.2), seen("jar", 0.1) | seen("lid", 0.2, 90)
+    was = EndEffectorAction(before["jar"].position_m + np.array([0.05, 0.0, 0.1]), DOWN.as_quat(), True)
+    sent = {**SENT, "object": "jar", "frame": "w"}
+    for names, place_m in (
+        ({"hand": ["lid"]}, (0.05, 0.0, 0.1)),
+        ({"axes": ["lid"], "hand": ["lid"]}, (0.0, 0.05, 0.1)),
+    ):
+        anchor = anchor_from_json(0, {"anchor": {**sent, **names}})
+        assert anchor.others == {"lid"}
+        (moved,) = reanchored([was], [anchor], before, now, {})
+        np.testing.assert_allclose(moved.position_m, now["jar"].position_m + place_m, atol=1e-9)
+        turned = Rotation.from_quat(moved.quaternion_xyzw) * DOWN.inv()
+        np.testing.assert_allclose(turned.as_euler("xyz", degrees=True), (0, 0, 90), atol=1e-6)
+    free = anchor_from_json(0, {"anchor": {**SENT, "object": None, "frame": "world", "hand": ["lid"]}})
+    (moved,) = reanchored([was], [free], before, now, {})
+    np.testing.assert_allclose(moved.position_m, was.position_m)
+    assert not np.allclose(moved.quaternion_xyzw, was.quaternion_xyzw)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

@@ -31,6 +31,8 @@ class ActionAnchor:
         along: axes of the world (0 to 2) along which the position follows another object, or nothing (None).
         share: of the way from the object to the other one along these axes, where the frame is.
         toward: another object, to which the x axis of the object's axes then points; None: they are its own.
+        axes, hand: objects by which the offset and the rotation turn, where that is other than `frame` says: one, by
+            its own axes, two, by level axes of which x points from the first to the second, or none.
     """
 
     object_name: str | None
@@ -40,11 +42,14 @@ class ActionAnchor:
     along: Mapping[int, str | None] = field(default_factory=dict)
     share: float = 1.0
     toward: str | None = None
+    axes: tuple[str, ...] | None = None
+    hand: tuple[str, ...] | None = None
 
     @property
     def others(self) -> frozenset[str]:
         """The objects that it depends on besides its own."""
-        return frozenset(filter(None, (self.toward, *self.along.values()))) - {self.object_name or ""}
+        every = (self.toward, *self.along.values(), *(self.axes or ()), *(self.hand or ()))
+        return frozenset(filter(None, every)) - {self.object_name or ""}
 
 
 def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | None:
@@ -58,12 +63,15 @@ def anchor_from_json(index: int, action: Mapping[str, Any]) -> ActionAnchor | No
         valid = frame in FRAMES and (isinstance(name, str) if frame in OBJECT_FRAMES else name is None)
         valid = valid and offset_m.shape == (3,) and bool(np.isfinite(offset_m).all()) and 0 < share <= 1
         valid = valid and rotation_xyzw.shape == (4,) and abs(float(np.linalg.norm(rotation_xyzw)) - 1) < 1e-2
+        axes, hand = (None if (names := item.get(key)) is None else tuple(names) for key in ("axes", "hand"))
         valid = valid and all(other is None or isinstance(other, str) for other in (toward, *along.values()))
+        valid = valid and all(isinstance(other, str) for other in (*(axes or ()), *(hand or ())))
+        valid = valid and max(len(axes or ()), len(hand or ())) <= 2
     except (AttributeError, KeyError, TypeError, ValueError):
         valid = False
     if not valid:
         raise UnsafeActionError(index, "anchor", f"is {item!r:.80}", "object, frame, offset_m, rotation_xyzw")
-    return ActionAnchor(name, frame, offset_m, rotation_xyzw, along, share, toward)
+    return ActionAnchor(name, frame, offset_m, rotation_xyzw, along, share, toward, axes, hand)
 
 
 def reanchored(
@@ -86,10 +94,11 @@ def reanchored(
     followed = []
     for action, anchor in zip(actions, anchors, strict=True):
         name = "" if anchor is None or anchor.object_name is None else anchor.object_name
-        if anchor is None or name not in before or name not in now:
+        if anchor is None or (name and (name not in before or name not in now)):
             followed.append(action)
-        else:
-            followed.append(_moved_along(action, anchor, before, now, yaw_symmetry_deg.get(name)))
+            continue
+        moved = _moved_along(action, anchor, before, now, yaw_symmetry_deg.get(name)) if name else action
+        followed.append(_turned_along(moved, anchor, before, now, yaw_symmetry_deg))
     return tuple(followed)
 
 
@@ -122,6 +131,33 @@ def _moved_along(
     hand_turn = turn if anchor.frame in ("o", "wo") else rotations.IDENTITY
     turned = rotations.canonical(_unit(rotations.product(hand_turn, action.quaternion_xyzw)))
     return EndEffectorAction(to_m + offset_m, turned, action.gripper_open)
+
+
+def _turned_along(
+    action: EndEffectorAction, anchor: ActionAnchor, before: Poses, now: Poses, symmetry_deg: Mapping[str, float]
+) -> EndEffectorAction:
+    """Return an action whose origin has moved along, turned by what else it turns with."""
+    if not (anchor.axes or anchor.hand):
+        return action
+    place_turn, hand_turn = (_turn_of(names or (), before, now, symmetry_deg) for names in (anchor.axes, anchor.hand))
+    origin_m = np.zeros(3)
+    if anchor.object_name is not None:
+        origin_m = _origin_m(anchor, now[anchor.object_name], now, before)
+    turned = rotations.canonical(_unit(rotations.product(hand_turn, action.quaternion_xyzw)))
+    position_m = origin_m + rotations.rotated(place_turn, action.position_m - origin_m)
+    return EndEffectorAction(position_m, turned, action.gripper_open)
+
+
+def _turn_of(names: tuple[str, ...], before: Poses, now: Poses, symmetry_deg: Mapping[str, float]) -> Array:
+    """Return the rotation (4,) by which axes have turned; none where an object is not seen before and now."""
+    if not names or any(name not in before or name not in now for name in names):
+        return rotations.IDENTITY
+    old, new = before[names[0]], now[names[0]]
+    if len(names) == 1:
+        was, is_ = _axes(old, new, symmetry_deg.get(names[0]))
+    else:
+        was, is_ = _axes_toward(old, new, before[names[1]], now[names[1]])
+    return rotations.product(is_, rotations.inverse(was))
 
 
 def _origin_m(anchor: ActionAnchor, pose: ObjectPose, objects: Poses, others: Poses) -> Array:
