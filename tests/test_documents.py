@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 import typer
+from app.pipeline.findings.rules import RULES
 
 from app import cli
 from app.api.schemas import examples
-from app.pipeline.findings.rules import RULES
 from app.settings import Settings
 from roboprompt_client.types.severity import SEVERITIES
 

@@ -1,74 +1,60 @@
-"""The check of a task's demonstrations -> the JSON document that clients get, in centimeters and degrees."""
+"""The check of a task's demonstrations -> the JSON document that clients and the page get."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping
 
-from app.pipeline.check.report import EpisodeCheck, Off, PlanCheck, ReplyCheck, RowCheck
+import numpy as np
+
+from app.pipeline.skill.density import Surprise
+from app.pipeline.skill.fit import Plan
+from app.pipeline.skill.skill import Skill
 from app.services.teach.check import CheckedTask
 from app.store.values import JsonObject
 
 
 def check_document(checked: CheckedTask) -> JsonObject:
     """A `TaskCheckOut`."""
-    check = checked.check
+    skills = [checked.skills.of_form(form) for form in checked.skills.forms]
     return {
         "task": checked.task,
-        "rule": check.rule,
         "num_episodes": checked.num_episodes,
-        "num_checked": check.num_episodes,
+        "num_checked": len(checked.skills.recordings),
         "findings": [finding.to_json() for finding in checked.findings],
-        "plans": [_plan(plan, check.unlike_ids) for plan in check.plans],
-        "unlike_episode_ids": list(check.unlike_ids),
-        "model": checked.model,
-        "replies": [_reply(reply) for reply in checked.replies],
+        "plans": [plan for skill in skills for plan in _plans(skill)],
     }
 
 
-def _plan(plan: PlanCheck, unlike_ids: Collection[str]) -> JsonObject:
+def _plans(skill: Skill) -> list[JsonObject]:
+    left_out: dict[str, Surprise] = {}
+    for one in skill.left_out(np.inf):
+        left_out.setdefault(one.about, one)
+    used = skill.usual
+    return [{**_plan(plan, left_out), "used": plan in used} for plan in skill.plans]
+
+
+def _plan(plan: Plan, left_out: Mapping[str, Surprise]) -> JsonObject:
     return {
-        "instructions": list(plan.instructions),
-        "shown": plan.shown,
-        "rows": [_row(row) for row in plan.rows],
-        "episodes": [_episode(episode, unlike_ids) for episode in plan.episodes],
+        "instructions": list(dict.fromkeys(item.order.text for item in plan.members)),
+        "when": [condition.described for condition in plan.when],
+        "rows": [_row(plan, k) for k in range(len(plan.rows))],
+        "episodes": [
+            {"id": item.id, "instruction": item.order.text, "least_probable": _surprise(left_out.get(item.id))}
+            for item in plan.members
+        ],
     }
 
 
-def _row(row: RowCheck) -> JsonObject:
-    named = (("error", row.error), ("worst", row.worst), ("varies", row.varies))
+def _row(plan: Plan, k: int) -> JsonObject:
+    row = plan.rows[k]
     return {
-        "objects": list(row.objects),
-        "frame": row.frame,
+        "follows": plan.followed_by(k),
         "gripper_open": row.gripper_open,
-        "switches": row.switches,
-        "worst_episode_id": row.worst_id,
-        **{f"{name}_cm": None if off is None else _cm(off.m) for name, off in named},
-        **{f"{name}_deg": None if off is None else round(off.deg, 1) for name, off in named},
+        "switches": k in plan.shown.switches,
+        "scatter_cm": round(100 * float(row.scale[:3].max()), 2),
+        "scatter_deg": round(float(np.degrees(row.scale[3:].max())), 1),
     }
 
 
-def _episode(episode: EpisodeCheck, unlike_ids: Collection[str]) -> JsonObject:
-    return {
-        "id": episode.id,
-        "instruction": episode.instruction,
-        "manner": episode.manner,
-        **_errors(episode.errors),
-        "path_cm": _cm(episode.path_m),
-        "unlike_others": episode.id in unlike_ids,
-    }
-
-
-def _reply(reply: ReplyCheck) -> JsonObject:
-    return {
-        "episode_id": reply.id,
-        "num_actions": reply.num_actions,
-        **_errors(reply.errors),
-        "problem": reply.problem or None,
-        "wrong": reply.is_wrong,
-    }
-
-
-def _errors(errors: Sequence[Off]) -> JsonObject:
-    return {"error_cm": [_cm(off.m) for off in errors], "error_deg": [round(off.deg, 1) for off in errors]}
-
-
-def _cm(distance_m: float) -> float:
-    return round(100 * distance_m, 2)
+def _surprise(one: Surprise | None) -> JsonObject | None:
+    if one is None:
+        return None
+    return {"coordinate": one.coordinate, "value": one.value, "low": one.usual[0], "high": one.usual[1], "p": one.p}

@@ -44,18 +44,12 @@ def episode_document(record: EpisodeRecord, settings: TaskSettings) -> JsonObjec
         "keyframes": [_keyframe(item, workspace) for item in record.keyframes],
         "objects": [_object(item, workspace) for item in record.objects],
         "cameras": [camera.name for camera in record.cameras],
-        **({} if record.extra is None else _unlisted(record)),
+        **({} if record.extra is None else _fields(record, "extra")),
         **_fields(record, "prediction_id", "corrects", "left_out", "note", "uploaded_instruction"),
         "observation_text": codec.observation_text(demonstration),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),
     }
-
-
-def _unlisted(record: EpisodeRecord) -> JsonObject:
-    """What lists leave out."""
-    findings = None if record.findings is None else list(record.findings)
-    return {"extra": record.extra, "findings": findings}
 
 
 def metadata_document(record: EpisodeRecord) -> JsonObject:

@@ -17,7 +17,8 @@ from roboprompt_client.types.names import checked_object_name
 from roboprompt_client.types.poses import ObjectPose
 
 M = TypeVar("M", bound=ObjectModel)
-ESTIMATOR_NAMES = ("given", "masks", "cuboid", "markers", "registered", "remote")
+GIVEN = "given"
+ESTIMATOR_NAMES = (GIVEN, "masks", "cuboid", "markers", "registered", "remote")
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ class GivenPoses:
                 remedy = "a position [x, y, z] in meters, or images and the task's object_models to find it in them"
                 raise InvalidInputError(f"objects[{query.name}].position", "is missing", remedy)
             rotation = None if query.quaternion_xyzw is None else np.array(query.quaternion_xyzw)
-            poses.append(ObjectPose(query.name, np.array(query.position_m), rotation, estimator="given"))
+            poses.append(ObjectPose(query.name, np.array(query.position_m), rotation, estimator=GIVEN))
         return tuple(poses)
 
 

@@ -60,7 +60,7 @@ class Services:
         self.label_objects = LabelObjects(store)
         self.predict_actions = PredictActions(*parts, PredictionRecorder(store, self.metrics))
         self.read_steps = ReadSteps(store)
-        self.check_task = CheckTask(store, self._profile_of, PredictActions(*parts, None))
+        self.check_task = CheckTask(self.known)
         self.keys = KeyRing(store)
         self.decoding = anyio.CapacityLimiter(max(2, os.cpu_count() or 1))
         self.teaching = anyio.CapacityLimiter(TEACHING_AT_ONCE)

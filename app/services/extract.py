@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 from sqlalchemy import Connection
 
-from app.perception.base import ObjectQuery
-from app.pipeline.findings.frames import GIVEN
+from app.perception.base import GIVEN, ObjectQuery
 from app.pipeline.keyframes import Motion, find_keyframes
 from app.services.images import read_frame
 from app.services.poses import poses_of

@@ -5,13 +5,15 @@ whoever may configure a task could let this service send requests to any address
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import cv2
 import httpx
+import numpy as np
+from scipy.spatial.transform import Rotation
 
-from app.perception.base import GivenPoses, ObjectQuery
+from app.perception.base import GIVEN, GivenPoses, ObjectQuery
 from app.perception.models import RemoteModel, model_from_json
 from app.perception.object_model import ObjectModelError
 from app.perception.overlay import draw_overlay
@@ -19,7 +21,6 @@ from app.perception.registered.estimator import TaughtQuery
 from app.perception.registered.model import RegisteredModel
 from app.perception.registered.template import Template
 from app.perception.registry import estimate_poses
-from app.pipeline.findings.frames import GIVEN, Compared
 from app.pipeline.names import check_object_names
 from app.services.cache import Cache
 from app.services.images import read_frame, stored_image
@@ -36,8 +37,43 @@ from roboprompt_client.types.poses import ObjectPose
 
 SETTING = "ROBOPROMPT_POSE_SERVERS"
 REMEDY = 'an object model, e.g. {"estimator": "cuboid", "size_m": [0.05, 0.05, 0.05], "color": "red"}, or mask_ids'
+SAME_M, SAME_DEG = 0.015, 15.0  # a given and a found pose that differ by less use the same object frame
 MAX_TEMPLATES = 16  # in memory, some MB each
 _decoded: Cache[str, Template] = Cache(MAX_TEMPLATES)  # of any store: a digest names the same bytes everywhere
+
+
+@dataclass(frozen=True)
+class Compared:
+    """An object in an episode that has both a given pose and images in which the object was found.
+
+    Attributes:
+        turn_deg: the turn about its z axis that leaves it unchanged: 0 any, None none.
+    """
+
+    given: ObjectPose
+    found: ObjectPose
+    turn_deg: float | None = None
+
+    @property
+    def off_m(self) -> float:
+        """The distance between the two positions."""
+        return float(np.linalg.norm(self.given.position_m - self.found.position_m))
+
+    @property
+    def off_deg(self) -> float:
+        """The least angle between the two rotations under the symmetry; 0 where one is not known."""
+        if self.given.quaternion_xyzw is None or self.found.quaternion_xyzw is None:
+            return 0.0
+        between = Rotation.from_quat(self.given.quaternion_xyzw).inv() * Rotation.from_quat(self.found.quaternion_xyzw)
+        if self.turn_deg == 0:
+            return float(np.degrees(np.arccos(np.clip(between.as_matrix()[2, 2], -1, 1))))
+        turns = Rotation.from_euler("z", np.arange(0, 360, self.turn_deg or 360)[:, None], degrees=True)
+        return float(np.degrees((between * turns).magnitude().min()))
+
+    @property
+    def agrees(self) -> bool:
+        """Whether both use the same object frame."""
+        return self.off_m <= SAME_M and self.off_deg <= SAME_DEG
 
 
 def with_models(objects: Iterable[ObjectQuery], settings: TaskSettings) -> tuple[ObjectQuery, ...]:

@@ -32,13 +32,11 @@ class Filter:
 
     Attributes:
         created_from, created_to: the earliest and the latest moment.
-        finding: code of a finding.
     """
 
     task: str | None = None
     created_from: datetime | None = None
     created_to: datetime | None = None
-    finding: str | None = None
 
     @property
     def is_set(self) -> bool:
@@ -51,8 +49,6 @@ class Filter:
             conditions.append(table.c.created_at >= self.created_from)
         if self.created_to is not None:
             conditions.append(table.c.created_at <= self.created_to)
-        if self.finding is not None:
-            conditions.append(cast(table.c.findings, Text).contains(f'"code":"{self.finding}"', autoescape=True))
         return conditions
 
 
@@ -98,6 +94,7 @@ class PredictionFilter(Filter):
         outcome: what was reported; `unknown`: nothing.
         fate: the same, where predictions without actions and without a report are `refused`.
         without_models: whose predictions are left out.
+        finding: code of a finding.
     """
 
     model: str | None = None
@@ -107,6 +104,7 @@ class PredictionFilter(Filter):
     outcome: Outcome | None = None
     fate: Fate | None = None
     without_models: tuple[str, ...] = ()
+    finding: str | None = None
 
     def narrow(self, query: Select[Any]) -> Select[Any]:
         """`query` on predictions, of those that fit."""
@@ -122,6 +120,8 @@ class PredictionFilter(Filter):
             conditions.append(OF_FATE[self.fate])
         if self.without_models:
             conditions.append(_P.c.model.not_in(self.without_models))
+        if self.finding is not None:
+            conditions.append(cast(_P.c.findings, Text).contains(f'"code":"{self.finding}"', autoescape=True))
         return query.where(*conditions)
 
 

@@ -4,10 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from app.pipeline.deviation import ActionDeviation
+import numpy as np
+
+from app.pipeline.episode import Query, start_at
+from app.pipeline.skill.skills import Off
 from app.pipeline.spans import Span, prompt_spans
-from app.services.predict.evidence import Explanation, explanation, path_of
+from app.services.predict.demonstrations import TaskReading
 from app.services.predict.known import KnownReader
+from app.services.predict.placed import previewed
 from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions
 from app.store.records import EpisodeRecord, PredictionRecord
@@ -16,6 +20,7 @@ from app.store.values import JsonObject
 from app.web.play import planned_motion
 from app.web.scene import frame, scene
 from roboprompt_client.arms.preview import Previewed
+from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 STAGES = {
     "read": "Reading the demonstrations",
@@ -33,12 +38,16 @@ STAGES = {
 
 @dataclass(frozen=True, eq=False)
 class PredictionView:
-    """A prediction, the demonstrations that are still stored, and how it lies among them."""
+    """A prediction, and the demonstrations that are still stored.
+
+    Attributes:
+        off: how far each action is from where demonstrations do the same; empty where none does it in as many actions.
+    """
 
     record: PredictionRecord
     settings: TaskSettings
     demonstrations: Mapping[str, EpisodeRecord]
-    explanation: Explanation
+    off: tuple[Off, ...]
 
     @property
     def prompt(self) -> tuple[Span, ...]:
@@ -64,11 +73,15 @@ class PredictionView:
         return prompt_spans(text, self.record.representation, self.record.prompt_format)
 
     @cached_property
-    def actions(self) -> Sequence[tuple[JsonObject, ActionDeviation | None, Previewed]]:
-        """Each action as clients get it, how it differs from the demonstrations', and its preview on the robot."""
-        actions, deviations = self.record.actions or (), self.explanation.deviations
-        path = path_of(self.record, self.settings)
-        return list(zip(actions, deviations or (None,) * len(actions), path, strict=True))
+    def actions(self) -> Sequence[tuple[JsonObject, Off | None, Previewed]]:
+        """Each action as clients get it, how it differs from the demonstrations', and its preview on the robot.
+
+        An arm that the settings name is assumed to move straight from its maker's ready pose to the request's end
+        effector pose.
+        """
+        actions = self.record.actions or ()
+        path = previewed(_actions(self.record), self.settings, _hand(self.record))
+        return list(zip(actions, self.off or (None,) * len(actions), path, strict=True))
 
     @property
     def stages(self) -> Sequence[tuple[str, float]]:
@@ -99,4 +112,25 @@ def view_prediction(store: Store, known: KnownReader, prediction_id: str) -> Pre
         record = predictions.get(connection, prediction_id)
     with known.reading(record.task, strict=False) as task:
         shown = episodes.by_ids(task.connection, record.task, record.demonstration_ids)
-        return PredictionView(record, task.kept.settings, shown, explanation(task, record, tuple(shown)))
+        return PredictionView(record, task.kept.settings, shown, _off(task, record))
+
+
+def _off(task: TaskReading, record: PredictionRecord) -> tuple[Off, ...]:
+    if not task.has_demonstrations:
+        return ()
+    observed = tuple(item.pose() for item in record.objects)
+    asked = Query(str(record.grounding["instruction"]), observed, start=start_at(_hand(record)))
+    return task.skills.off(asked, _actions(record))
+
+
+def _actions(record: PredictionRecord) -> list[EndEffectorAction]:
+    return [
+        EndEffectorAction(np.array(item["position"]), np.array(item["quaternion_xyzw"]), item["gripper_open"])
+        for item in record.actions or ()
+    ]
+
+
+def _hand(record: PredictionRecord) -> Pose | None:
+    """Return the hand's pose that the request had."""
+    hand = record.request.get("end_effector")
+    return None if hand is None else Pose(hand["position"], hand["quaternion_xyzw"])

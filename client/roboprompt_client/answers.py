@@ -56,7 +56,8 @@ class PredictedActions:
     def shown_symmetry_deg(self) -> Mapping[str, float]:
         """By object name, the turn after which demonstrations take it alike; the answer counts on it."""
         shown = [finding for finding in self.findings if finding.get("code") == SYMMETRY_SHOWN]
-        return {finding["where"].removeprefix("objects[")[:-1]: float(finding["symmetry_deg"]) for finding in shown}
+        of_object = [finding for finding in shown if finding["where"].startswith("objects[")]
+        return {finding["where"].removeprefix("objects[")[:-1]: float(finding["symmetry_deg"]) for finding in of_object}
 
     @property
     def grounding(self) -> tuple[Mapping[str, Any], ...]:

@@ -192,13 +192,9 @@ class RoboPromptClient:
         """Change `instruction`, `left_out` or `note` of an episode, see `PATCH /episodes/{id}`; return the episode."""
         return self._ask("PATCH", f"/episodes/{episode_id}", json=changes)
 
-    def check(self, task: str, model: str | None = None) -> dict[str, Any]:
-        """Return how well each demonstration of a task follows from the others, see `GET /tasks/{name}/check`.
-
-        A `model` is asked as well; it takes some seconds for each demonstration.
-        """
-        asked = {} if model is None else {"model": model}
-        return self._ask("GET", f"/tasks/{task}/check", params=asked, timeout=CHECK_TIMEOUT_S)
+    def check(self, task: str) -> dict[str, Any]:
+        """Return what a task's demonstrations share, and each held against the others: `GET /tasks/{name}/check`."""
+        return self._ask("GET", f"/tasks/{task}/check", timeout=CHECK_TIMEOUT_S)
 
     def learn_object_models(
         self, task: str, objects: Sequence[str] | None = None, episodes: int = 10

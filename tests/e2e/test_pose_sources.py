@@ -6,7 +6,7 @@ import pytest
 from tests.e2e.vision import INSTRUCTION, MODELS, NAMES, PLACES, episode, frames, seen
 from tests.episodes import arrays, metadata, multipart, npz, pick_trajectory
 
-CODE = "poses-of-another-source"
+CODE = "uncertain-pose"
 SHIFT_M = np.array([0.0, 0.03, 0.0])  # another point of the object
 
 

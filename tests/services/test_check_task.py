@@ -1,25 +1,58 @@
-"""What a check keeps of a task, for the next one who asks."""
+"""The doubts about demonstrations: one list, wherever it is said."""
 
-import gc
-import weakref
+import asyncio
+from dataclasses import replace
 
-from app.services.teach import check
-from tests.services.test_upload_episode import upload
+import numpy as np
+import pytest
+
+from app.api.check_document import check_document
+from app.perception.base import ObjectQuery
+from app.pipeline.episode import Episode
+from app.services.predict.request import PredictRequest
+from app.services.teach.upload_checks import Upload
+from tests.pipeline.skill.shown import RATE_HZ, WORDS, drawn, stops_of, travelled
+
+OF_SCENE_OR_ANSWER = ("unusual-scene", "new-instruction", "unusual-action", "passes-close", "uncertain-pose")
 
 
-def test_a_check_that_is_kept_holds_no_trajectories(scripted, monkeypatch):
-    """Those of 32 tasks with 30 long recordings each would be gigabytes."""
-    services, read, trajectories = scripted("[]"), check.recordings_of, []
-    for _ in range(3):
-        services.upload_episode(upload("cube"))
+def queries(objects):
+    return tuple(
+        ObjectQuery(pose.name, tuple(pose.position_m.tolist()), tuple(pose.quaternion_xyzw.tolist()))
+        for pose in objects
+    )
 
-    def watched(*arguments):
-        found = read(*arguments)
-        trajectories.extend(weakref.ref(item.motion.trajectory) for item in found)
-        return found
 
-    monkeypatch.setattr(check, "recordings_of", watched)
-    first = services.check_task.without_model("pick")
-    gc.collect()
-    assert [trajectory() for trajectory in trajectories] == [None] * 3
-    assert services.check_task.without_model("pick") is first
+def taught(services, change):
+    random = np.random.default_rng(3)
+    for _ in range(8):
+        told, stops = change(*(lambda objects: (objects, stops_of(*objects)))(drawn(random)))
+        episode = Episode(WORDS, travelled(stops), control_frequency_hz=RATE_HZ)
+        services.upload_episode(Upload("tidy", episode, queries(told), {}))
+    return drawn(random)
+
+
+def exchanged(objects, stops):
+    cup, coaster = objects
+    return (replace(coaster, name="cup"), replace(cup, name="coaster")), stops
+
+
+CASES = {
+    "right": (lambda objects, stops: (objects, stops), set()),
+    "gripper inverted": (lambda objects, stops: (objects, [(*pose, not o) for *pose, o in stops]), None),
+    "always open": (lambda objects, stops: (objects, [(*pose, True) for *pose, _ in stops]), None),
+    "two names exchanged": (exchanged, None),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_upload_check_prediction_and_page_say_the_same(nearest, case):
+    change, _ = CASES[case]
+    objects, _ = change(*(lambda of: (of, stops_of(*of)))(taught(nearest, change)))
+    said = [finding.to_json() for finding in nearest.known.doubts("tidy")]  # of an upload, and on pages
+    assert check_document(asyncio.run(nearest.check_task("tidy")))["findings"] == said
+    request = PredictRequest("tidy", WORDS, queries(objects))
+    answer = asyncio.run(nearest.predict_actions(request))
+    findings = [one.to_json() for one in answer.findings]
+    assert [one for one in findings if one["code"] not in OF_SCENE_OR_ANSWER] == said
+    assert ("danger" in {one["severity"] for one in said}) == (case != "right")

@@ -104,8 +104,8 @@ def test_an_unfamiliar_instruction_is_passed_on_with_a_finding(services):
     allowed = question(services, instruction="pull the azure button", unfamiliar="allow")
     assert "pull the blue button" in asked(allowed)
     (finding,) = allowed.findings[:1]
-    assert (finding.code, finding.severity, finding.where) == ("unfamiliar-instruction", "danger", "instruction")
-    assert "unfamiliar-instruction" not in {item.code for item in question(services).findings}
+    assert (finding.code, finding.severity, finding.where) == ("new-instruction", "danger", "instruction")
+    assert "new-instruction" not in {item.code for item in question(services).findings}
 
 
 def test_how_the_words_were_understood_is_recorded(services):

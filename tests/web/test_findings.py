@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from app.pipeline.findings import Finding
+from app.pipeline.finding import Finding
 from app.web import page
 from app.web.page import linked
 

@@ -117,7 +117,9 @@ def get_episode(services: Wired, episode_id: str) -> Response:
 
 
 def _uploaded(services: Services, upload: Upload) -> JsonObject:
-    return _document(services.store, services.upload_episode(upload).id)
+    """Return the stored episode, with the doubts about the demonstrations of its task."""
+    document = _document(services.store, services.upload_episode(upload).id)
+    return {**document, "findings": [finding.to_json() for finding in services.known.doubts(document["task"])]}
 
 
 def _document(store: Store, episode_id: str) -> JsonObject:

@@ -105,19 +105,15 @@ def get_task_stats(services: Wired, name: str) -> Response:
     responses=problems(
         _404="no such task",
         _409="the task has no episodes yet",
-        _422="there is no such model",
-        _502="the LLM failed",
-        _503="the model or the store is not available",
-        _504="the LLM did not answer in time",
+        _422="an episode cannot be extracted with the task's settings",
     ),
 )
-async def check_task(services: Wired, name: str, model: Model = None) -> Response:
-    """Predict each demonstration from the others before a robot moves; the findings say what to mend.
+async def check_task(services: Wired, name: str) -> Response:
+    """Hold each demonstration against the others before a robot moves; the findings say what to mend.
 
-    The first 30 demonstrations are checked without an LLM, in seconds. With `model`, that LLM also predicts each of the
-    first ten from the others; these predictions are not recorded.
+    They are those of the task's uploads and predictions.
     """
-    return JSONResponse(check_document(await services.check_task(name, model)))
+    return JSONResponse(check_document(await services.check_task(name)))
 
 
 @router.post(

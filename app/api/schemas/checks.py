@@ -1,82 +1,55 @@
 """Answers about a check of a task's demonstrations."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import BaseModel, Field
 
 from app.api.schemas.responses import FindingOut
-from app.pipeline.keyframes import RuleName
-
-Errors = Annotated[list[float], Field(description="one number for each row; empty if there is nothing to compare with")]
 
 
 class RowCheckOut(BaseModel):
-    """A row of a plan: how well each demonstration's action is predicted from the other demonstrations."""
+    """A row of a plan: what it follows, and how sure it is."""
 
-    objects: Annotated[list[str], Field(description="objects that the row is relative to; empty if none")]
-    frame: Literal["w", "o", "ow", "wo", "world", "start"]
+    follows: Annotated[str, Field(description="the objects that it is relative to, or the world")]
     gripper_open: bool
     switches: Annotated[bool, Field(description="whether the gripper opens or closes at this row")]
-    error_cm: Annotated[float | None, Field(description="median over the demonstrations; null if there is only one")]
-    error_deg: float | None
-    worst_cm: float | None
-    worst_deg: float | None
-    worst_episode_id: str | None
-    varies_cm: Annotated[float, Field(description="how much the row's position varies in the world frame")]
-    varies_deg: float
+    scatter_cm: Annotated[float, Field(description="scale of a further demonstration along the least certain axis")]
+    scatter_deg: float
+
+
+class LeastProbableOut(BaseModel):
+    """The coordinate of a demonstration, of its acts or its scene, that the others make least probable."""
+
+    coordinate: str
+    value: Annotated[float, Field(description="m or rad")]
+    low: Annotated[float, Field(description="of the usual range")]
+    high: float
+    p: Annotated[float, Field(description="how often chance alone is as far off")]
 
 
 class EpisodeCheckOut(BaseModel):
-    """A demonstration, predicted from the others of its plan."""
+    """A demonstration, held against the others of its plan."""
 
     id: str
     instruction: str
-    manner: Annotated[
-        Literal["rests", "hesitates", "flows"], Field(description="whether the recording rests at its keyframes")
-    ]
-    error_cm: Errors
-    error_deg: Errors
-    path_cm: Annotated[
-        float, Field(description="largest distance of the recorded path from the straight path through the keyframes")
-    ]
-    unlike_others: bool
+    least_probable: Annotated[LeastProbableOut | None, Field(description="null of fewer than three demonstrations")]
 
 
 class PlanCheckOut(BaseModel):
-    """Demonstrations of the same instruction with the same rows."""
+    """One way of carrying out an instruction."""
 
     instructions: list[str]
-    shown: Annotated[bool, Field(description="whether prompts show this plan; a rare plan is left out")]
+    when: Annotated[list[str], Field(description="the scenes that call for it; empty: all that call for no other")]
+    used: Annotated[bool, Field(description="whether some scene calls for it")]
     rows: list[RowCheckOut]
     episodes: list[EpisodeCheckOut]
 
 
-class ReplyCheckOut(BaseModel):
-    """The model's reply for a demonstration that it was not shown."""
-
-    episode_id: str
-    num_actions: Annotated[int | None, Field(description="null if the reply has no valid actions")]
-    error_cm: Errors
-    error_deg: Errors
-    problem: Annotated[str | None, Field(description="why the actions cannot be compared")]
-    wrong: Annotated[
-        bool, Field(description="whether a robot that follows the reply would not do what the demonstration does")
-    ]
-
-
 class TaskCheckOut(BaseModel):
-    """A task's demonstrations, each predicted from the others before a robot moves."""
+    """What a task's demonstrations share, and each of them held against the others, before a robot moves."""
 
     task: str
-    rule: Annotated[RuleName, Field(description="rule by which keyframes were found")]
     num_episodes: int
-    num_checked: Annotated[int, Field(description="number of demonstrations that were checked, the task's first")]
-    findings: Annotated[
-        list[FindingOut], Field(description="what would go wrong and what to do about it, most severe first")
-    ]
-    plans: Annotated[list[PlanCheckOut], Field(description="in order of their number of demonstrations, largest first")]
-    unlike_episode_ids: Annotated[
-        list[str], Field(description="ids of outliers: demonstrations that differ from the others of their plan")
-    ]
-    model: Annotated[str | None, Field(description="LLM that was asked; null if none was")]
-    replies: Annotated[list[ReplyCheckOut], Field(description="replies of that LLM; empty if none was asked")]
+    num_checked: Annotated[int, Field(description="of more than 50, those whose scenes lie farthest apart")]
+    findings: Annotated[list[FindingOut], Field(description="as uploads and predictions have them, causes first")]
+    plans: list[PlanCheckOut]

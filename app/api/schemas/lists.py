@@ -54,9 +54,6 @@ class Filtered(OfTask):
     created_to: Annotated[
         _To | None, Field(description="only what was created until then; of a date without a time, until its end")
     ] = None
-    finding: Annotated[
-        str | None, Field(pattern=r"^[a-z][a-z0-9-]{0,63}$", description="only with a finding of this code")
-    ] = None
 
 
 class EpisodesQuery(PageQuery, Filtered):
@@ -83,6 +80,9 @@ class EpisodesQuery(PageQuery, Filtered):
 class PredictionsQuery(PageQuery, Filtered):
     """The query of a list of predictions."""
 
+    finding: Annotated[
+        str | None, Field(pattern=r"^[a-z][a-z0-9-]{0,63}$", description="only with a finding of this code")
+    ] = None
     outcome: Annotated[Outcome | None, Field(description="only predictions with this outcome")] = None
 
     def filter(self) -> PredictionFilter:

@@ -16,8 +16,6 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration, rotation_of
-from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import SYMMETRY_SHOWN
 from app.pipeline.geometry import canonical_pose
 from app.pipeline.groups import grouped
 from app.pipeline.plans.alignment import aligned
@@ -60,17 +58,6 @@ class Symmetry(NamedTuple):
 
 Symmetries = Mapping[str, Symmetry]
 """By name of the object."""
-
-
-def symmetry_findings(symmetries: Symmetries) -> Iterator[Finding]:
-    """Yield a finding for each object that is folded."""
-    for name, symmetry in symmetries.items():
-        message = (
-            f"Demonstrations take {name} by its nearest side, as if it looked the same after a turn by"
-            f" {symmetry.turn_deg:.0f} degrees, and so does the answer. If the side matters, set the task's"
-            f' yaw_symmetry_deg to {{"{name}": 360}}.'
-        )
-        yield SYMMETRY_SHOWN.finding(message, f"objects[{name}]", {"symmetry_deg": symmetry.turn_deg})
 
 
 def shown_symmetries(recordings: Sequence[Recording], declared: Mapping[str, float]) -> Symmetries:

@@ -6,7 +6,7 @@ upright, at one height, anywhere on a table, at any yaw. Each demonstration make
 demonstrations widen the predictive and switch nothing off (Murphy 2007, with the variance on a grid).
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
 from typing import Literal, NamedTuple
@@ -117,6 +117,11 @@ class SceneDensity:
         weight = np.exp(log - logsumexp(log, axis=1, keepdims=True))
         sigma = np.sqrt(spread**2 * (1 + 1 / number[:, None]) + least[:, None] ** 2)
         return cls(scenes, coordinates, origin, values, kept, least, center, sigma, weight)
+
+    def among(self, names: Collection[str]) -> "SceneDensity":
+        """Return the density of only those objects that have these names."""
+        shared = [key for key in self.scenes.keys if key in names]
+        return self if len(shared) == len(self.scenes.keys) else self.of_scenes(self.scenes.only(shared))
 
     def surprises(self, scene: Scene, most_p: float) -> list[Surprise]:
         """Return what of a scene is less probable than `most_p`, the least probable first."""

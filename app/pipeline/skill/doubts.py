@@ -1,16 +1,17 @@
 """What is doubtful about demonstrations, a scene or an answer: residuals against the skill that are too large.
 
-Every doubt has a probability or nats of evidence; its severity follows from them. A robot stops at a danger.
+Every doubt has a p, how probable what is seen is if nothing is wrong; its severity follows from p, see
+`app.pipeline.finding`.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Collection, Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
-from scipy.special import ndtri, stdtr
+from scipy.special import ndtr, ndtri, stdtr
 
+from app.pipeline.finding import LEVELS, Finding, finding, without_repeats
 from app.pipeline.skill import script
 from app.pipeline.skill.choice import FLOOR_M
 from app.pipeline.skill.density import ALL, EXACT, HAND, SceneDensity, Surprise, repeated
@@ -21,21 +22,14 @@ from app.pipeline.skill.hypotheses import explained
 from app.pipeline.skill.recording import Recording
 from app.pipeline.skill.rows import COORDINATES, Row
 from app.pipeline.skill.scene import Scene
-from app.pipeline.skill.ways import Which, two_kinds
+from app.pipeline.skill.ways import LEAST, Which, two_kinds
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
-Severity = Literal["info", "warning", "danger"]
-
-# Calibrated on right and wrong cases of the adversary, seeds 7300 to 7401: right ones are stopped in 1 of 50
-DANGER_P, DOUBT_P = 1e-3, 0.01  # of a scene's coordinate,
-UNFOLLOWED_P = 1e-6  # of one that no row follows and no words name
-EXCHANGED = 6.0  # nats by which a scene is more probable with two names exchanged
-UNLIKELY = -4.0  # log probability of a recording
+CAUSES = ("another-convention", "names-exchanged", "measured-twice")  # after which everything else is doubtful, too
 SHARE = 0.34  # of recordings that are unlike what words say, or unlike the others
 OTHER_OBJECT = 1.0  # nats a recording by which a row follows something else than words say
 CLOCK = 2.9  # nats a recording for another clock of the gripper
-EXPLAINED = 8.0  # nats for a fault of all recordings
 REPEATED = 0.15  # share of recordings with an object exactly where another recording has it
 # What an act may be off is not known: lognormal around these. Demonstrations that are off by as much have succeeded
 TOLERANCE_M, TOLERANCE_RAD = 0.035, np.radians(20)
@@ -44,34 +38,23 @@ EXACTLY = 0.6  # of the tolerance where demonstrations are of two kinds, each ex
 FREE = 2.0  # times as far where a hand lets go: things are put down anywhere
 HIDDEN = 0.3  # prior probability that a place that scatters follows something that is not seen,
 HIDDEN_TURN = 0.6  # and a rotation: things without a measured rotation are the rule, hands that turn at will are not
-FAILS = 0.2  # probability that an act fails: of cases without another doubt 17 % failed to there, 27 % beyond
+FAILS = 1 - LEVELS["uncertain-act"].danger  # probability that an act fails
+SIZE_M, SIZES = 0.04, 0.35  # of a thing and what may be in the hand: median, and spread of the logarithm
+NEARER = 0.5  # of the least distance in recordings
+PARTS = 50  # of a way between two actions
 BROKEN_M = 0.05  # scatter of ends and starts in the midst of a way
 SHIFTS_S = np.array([*np.arange(-8, -1), *np.arange(2, 9)]) / 5  # of the gripper's clock: 0.4 to 1.6 s
 
 
-@dataclass(frozen=True)
-class Doubt:
-    """Something improbable, with what to do about it.
-
-    Attributes:
-        surprise: the coordinate that it is about, where it is about one.
-    """
-
-    code: str
-    severity: Severity
-    message: str
-    surprise: Surprise | None = None
-
-    @property
-    def danger(self) -> bool:
-        """Whether a robot stops."""
-        return self.severity == "danger"
-
-
-def of_demonstrations(plans: Sequence[Plan], recordings: Sequence[Recording]) -> Iterator[Doubt]:
-    """Yield the doubts that depend on demonstrations only, causes first."""
-    usual = next((plan for plan in plans if not plan.when), plans[0])
-    used = [plan for plan in plans if plan.when or plan is usual]
+def of_demonstrations(
+    plans: Sequence[Plan], used: Sequence[Plan], recordings: Sequence[Recording]
+) -> Iterator[Finding]:
+    """Yield the doubts that depend on demonstrations only, causes first; `used` are plans that scenes call for."""
+    if (number := len(recordings)) < LEAST:
+        said = (
+            f"{number} demonstration{'s show' if number > 1 else ' shows'} not yet what each row follows: record more"
+        )
+        yield finding("few-demonstrations", 1.0, said, "demonstrations", demonstrations=number)
     for plan in used:
         yield from _faults(plan)
     yield from _scripts(plans, [item for plan in plans if plan not in used for item in plan.members])
@@ -80,28 +63,87 @@ def of_demonstrations(plans: Sequence[Plan], recordings: Sequence[Recording]) ->
         yield from _objects(plan)
         yield from _clock(plan)
         yield from _acts(plan)
+        yield from alike(plan, plan.members[0].scene)
     yield from _repeated(recordings)
 
 
-def of_scene(plan: Plan, density: SceneDensity, scene: Scene) -> Iterator[Doubt]:
-    """Yield the doubts about a scene that a plan is placed in."""
-    matter = _followed(plan, scene)
-    for one in density.surprises(scene, DOUBT_P):
-        other = one.coordinate.partition(" from ")[2]
-        matters = one.about in matter and (not other or other in matter)
-        danger = one.p < (DANGER_P if matters else UNFOLLOWED_P)
-        yield Doubt("unusual-scene", "danger" if danger else "warning", _unusual(one), one)
+def without_effects(found: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Return doubts about demonstrations without those that a cause among them explains: one cause is one doubt."""
+    caused = any(one.danger and one.code in CAUSES for one in found)
+    return without_repeats(one for one in found if not caused or one.code in CAUSES or one.severity == "info")
+
+
+def alike(plan: Plan, scene: Scene) -> Iterator[Finding]:
+    """Yield what objects of a scene turned out to look alike after a turn though nobody has said so."""
+    told = dict(zip(scene.keys, zip(scene.names, scene.symmetry, strict=True), strict=True))
+    for key, period in zip(plan.shown.scenes.keys, plan.shown.scenes.symmetry, strict=True):
+        name, said = told.get(key, ("", None))
+        if name and said is None and period is not None:
+            after = f"after a turn by {period:g} degrees" if period else "at every yaw"
+            message = f"demonstrations take {name} as if it looked the same {after}, and so do answers"
+            remedy = f'if its side matters, set yaw_symmetry_deg to {{"{name}": 360}}'
+            yield finding("symmetry-shown", 1.0, f"{message}: {remedy}", f"objects[{name}]", symmetry_deg=period)
+
+
+def of_scene(plan: Plan, density: SceneDensity, scene: Scene) -> Iterator[Finding]:
+    """Yield the doubts about a scene that a plan is placed in; of one object's coordinates the least probable."""
+    matter = _matter(plan, scene)
+    exchanged = []
     for first, second, gain in density.exchanged(scene):
-        if gain > EXCHANGED and {first, second} & matter:
-            said = f"{first} and {second} stand where demonstrations have the other: check which is which"
-            yield Doubt("names-exchanged", "danger", said)
+        said = f"{first} and {second} stand where demonstrations have the other: check which is which"
+        doubt = finding("names-exchanged", float(np.exp(-gain)), said, f"objects[{first}]")
+        if doubt.danger and {first, second} & matter:
+            exchanged.append((first, second))
+            yield doubt
     for name, what in repeated(density.scenes, scene, density.scenes.shape[0]):
         said = f"{name} {what}, which no measurement does: check that its pose is measured anew"
-        yield Doubt("measured-twice", "danger" if name in matter else "warning", said)
+        yield finding("measured-twice", 0.0 if name in matter else 1.0, said, f"objects[{name}]")
+    explained = {name for pair in exchanged for name in pair}
+    for one in _by_cause(_that_matter(density, scene, matter), explained):
+        yield finding("unusual-scene", one.p, _unusual(one), _where(one.about), **_numbers(one))
     for condition in plan.when:
         if not condition.is_clear(scene):
             said = f"{condition.quantity.one} stands between the scenes of two ways: record some here"
-            yield Doubt("way-unclear", "warning", said)
+            yield finding("several-ways", 0.5, said, _where(condition.quantity.one))
+
+
+def _matter(plan: Plan, scene: Scene) -> set[str]:
+    """Return the names of what rows may follow or words name, with the hand: where it is elsewhere the act may fail."""
+    found = followed(plan, scene)
+    for name, key in zip(scene.names, scene.keys, strict=True):
+        gaps = [row.rivals[key] - row.log_evidence for row in plan.rows if key in row.rivals]
+        if max(gaps, default=-np.inf) > np.log(FAILS):
+            found.add(name)
+    return found
+
+
+def _that_matter(density: SceneDensity, scene: Scene, matter: set[str]) -> list[Surprise]:
+    return [one for one in density.surprises(scene, LEVELS["unusual-scene"].warning) if matter >= set(_things(one))]
+
+
+def _by_cause(found: Sequence[Surprise], explained: set[str]) -> list[Surprise]:
+    """Return one surprise for each thing: an object that is elsewhere in the world is elsewhere for all others, too."""
+    named: dict[str, Surprise] = {}
+    for one in sorted(found, key=lambda one: (len(_things(one)), one.about == ALL, one.p)):
+        if explained.intersection(_things(one)):
+            continue
+        of = next((name for name in (*_things(one), *(named if one.about == ALL else ())) if name in named), one.about)
+        named[of] = named[of]._replace(p=min(named[of].p, one.p)) if of in named else one
+    return sorted(named.values(), key=lambda one: one.p)
+
+
+def _things(one: Surprise) -> tuple[str, ...]:
+    """Return the names of what a surprise is about: an object, or one as seen from another."""
+    other = one.coordinate.partition(" from ")[2]
+    return (one.about, other) if other else (one.about,)
+
+
+def _where(about: str) -> str:
+    return {HAND: "end_effector", ALL: "objects"}.get(about, f"objects[{about}]")
+
+
+def _numbers(one: Surprise) -> dict[str, float]:
+    return {"value": one.value, "low": one.usual[0], "high": one.usual[1]}
 
 
 def of_answer(rows: Sequence[Row], actions: Sequence[EndEffectorAction], scene: Scene, most_p: float) -> list[Surprise]:
@@ -115,68 +157,124 @@ def of_answer(rows: Sequence[Row], actions: Sequence[EndEffectorAction], scene: 
     return sorted(found, key=lambda one: one.p)
 
 
-def of_left_out(one: Surprise) -> Doubt:
+def of_way(
+    scene: Scene, touched: Collection[str], actions: Sequence[EndEffectorAction], recordings: Sequence[Recording]
+) -> Iterator[Finding]:
+    """Yield a doubt for each object that the hand passes much nearer than in any recording.
+
+    Args:
+        touched: names of objects that the hand is to be near to.
+    """
+    stops = np.array([action.position_m for action in actions])
+    path = _densely(np.vstack([scene.start, stops]) if scene.knows_start else stops)
+    for name, place in zip(scene.names, scene.place, strict=True):
+        if name in touched:
+            continue
+        shown = [item.passed_m[name] for item in recordings if name in item.passed_m]
+        near, least = float(np.linalg.norm(path - place, axis=1).min()), min(shown, default=np.inf)
+        if near > min(NEARER * least, least - SIZE_M):
+            continue
+        p = float(ndtr(np.log(near / SIZE_M) / SIZES))
+        kept = f"demonstrations kept {100 * least:.0f} cm" if shown else "demonstrations do not have it"
+        said = f"the hand passes {100 * near:.1f} cm from the middle of {name}, {kept}: it or what it holds may hit it"
+        one = finding("passes-close", p, f"{said}; move it away, or record a way around it", _where(name), off_m=near)
+        if one.severity != "info":
+            yield one
+
+
+def _densely(stops: Array) -> Array:
+    """Return places (P, 3) on the straight way through stops (K, 3)."""
+    parts = [one + np.linspace(0, 1, PARTS)[:, None] * (other - one) for one, other in pairwise(stops)]
+    return np.vstack([stops[:1], *parts])
+
+
+def of_left_out(one: Surprise) -> Finding:
     """Return the doubt about a demonstration that is unlike the others; the skill goes by the others."""
-    low, high = one.usual
-    said = f"demonstration {one.about}: {one.coordinate} is {one.value:.3f}, the others have {low:.3f} to {high:.3f}"
-    return Doubt("unusual-demonstration", "warning", f"{said}: look at it, and leave it out if it is wrong", one)
+    said = f"demonstration {one.about}: {_ranged(one)}: look at it, and leave it out if it is wrong"
+    return finding("unusual-demonstration", one.p, said, f"episodes[{one.about}]", **_numbers(one))
 
 
-def _followed(plan: Plan, scene: Scene) -> set[str]:
+def keys_of(plan: Plan) -> frozenset[str]:
+    """Return the keys of the objects that a plan's rows follow or its condition is about."""
+    asked = {key for condition in plan.when for key in (condition.quantity.one, condition.quantity.other) if key}
+    return frozenset(asked).union(*(row.frame.objects for row in plan.rows))
+
+
+def followed(plan: Plan, scene: Scene) -> set[str]:
     """Return the names of what a plan follows or words name, with the hand."""
-    keys = frozenset().union(*(row.frame.objects for row in plan.rows))
+    keys = keys_of(plan)
     named = {name for name, key in zip(scene.names, scene.keys, strict=True) if key in keys or is_named(key)}
     return named | {HAND, ALL}
 
 
 def _unusual(one: Surprise) -> str:
-    scale, unit = (180 / np.pi, " degrees") if one.coordinate == "yaw" else (1.0, " m")
-    value, low, high = (scale * number for number in (one.value, *one.usual))
-    unit = "" if one.coordinate.startswith("tilt") else unit
-    said = f"{one.about}: {one.coordinate} is {value:.3f}{unit}, demonstrations have {low:.3f} to {high:.3f}{unit}"
-    return f"{said}: check its pose, or record demonstrations with scenes like this one"
+    """Return object, coordinate, value, usual range and what to do."""
+    remedy = "check its pose, or record demonstrations in scenes like this one"
+    if one.about == HAND:
+        remedy = (
+            "send `end_effector` as recordings have it (meters, x y z w, the same point and frame), or move the hand"
+        )
+    return f"{one.about}: {_ranged(one)}: {remedy}"
 
 
-def _faults(plan: Plan) -> Iterator[Doubt]:
+def _ranged(one: Surprise) -> str:
+    """Return a coordinate with its value and its usual range."""
+    turned = any(word in one.coordinate for word in ("yaw", "turn"))
+    scale, unit, digits = (180 / np.pi, " degrees", 0) if turned else (1.0, " m", 3)
+    name, numbers = one.coordinate, (one.value, *one.usual)
+    if "tilt" in name:  # sines of angles from the vertical
+        numbers, scale, unit, digits = tuple(np.clip(numbers, -1, 1)), 1.0, "", 2
+    value, low, high = (f"{scale * number:.{digits}f}" for number in numbers)
+    return f"{_SAID.get(name, name)} is {value}{unit}, demonstrations have {low} to {high}{unit}"
+
+
+_SAID = {"z": "height", "tilt z": "cosine of the tilt", "tilt x": "tilt along x", "tilt y": "tilt along y"}
+
+
+def _faults(plan: Plan) -> Iterator[Finding]:
     """Yield the fault that explains all recordings of a plan better than what they say."""
     if len(plan.members) < 2:
         return
     for fault, gain in explained(plan.shown.taking(plan.shown.acts))[:1]:
         said = f"probably {fault.says} in all demonstrations (by {gain:.0f} nats of evidence): {fault.remedy}"
-        yield Doubt(fault.code, "danger" if gain > EXPLAINED else "info", said)
+        if (one := finding(fault.code, float(np.exp(-gain)), said, "demonstrations")).danger:
+            yield one
 
 
-def _scripts(plans: Sequence[Plan], others: Sequence[Recording]) -> Iterator[Doubt]:
+def _scripts(plans: Sequence[Plan], others: Sequence[Recording]) -> Iterator[Finding]:
     """Yield a doubt where recordings switch the gripper otherwise and nothing of the scene says when."""
     number = sum(len(plan.members) for plan in plans)
     if others:
         names = ", ".join(item.id for item in others)
         said = f"demonstrations {names} of {number} switch the gripper otherwise, and nothing of the scene says when"
-        severity: Severity = "danger" if len(others) > SHARE * number else "info"
-        yield Doubt("several-scripts", severity, f"{said}: they are not used; leave them out, or record them anew")
+        said = f"{said}: they are not used; leave them out, or record them anew"
+        yield finding("several-ways", 1 - len(others) / number, said, "demonstrations")
 
 
-def _events(plans: Sequence[Plan], recordings: Sequence[Recording]) -> Iterator[Doubt]:
+def _events(plans: Sequence[Plan], recordings: Sequence[Recording]) -> Iterator[Finding]:
     """Yield a doubt where recorded events are not those that words ask for."""
     excused = {item.id: _excused(plan) for plan in plans for item in plan.members}
+    least = np.log(LEVELS["unlike-words"].danger)
     said: Counter[str] = Counter()
-    inverted = 0
+    nats, inverted, gain = [], 0, 0.0
     for item in recordings:
         found = [fault for fault in script.faults(item) if fault.name not in excused.get(item.id, set())]
-        if (nats := sum(fault.nats for fault in found)) <= UNLIKELY:
+        nats.append(sum(fault.nats for fault in found))
+        if nats[-1] <= least:
             said[" and ".join(fault.name for fault in found)] += 1
-            turned = script.faults(item, inverted=True)
-            inverted += sum(fault.nats for fault in turned) > nats - UNLIKELY / 2
+            turned = sum(fault.nats for fault in script.faults(item, inverted=True)) - nats[-1]
+            inverted, gain = inverted + (turned > -least / 2), gain + turned
     if 2 * inverted > len(recordings):
-        yield Doubt("gripper-inverted", "danger", "the gripper is probably inverted: send 1 where it is open")
-    if total := sum(said.values()):
+        message = "the gripper is probably inverted in all demonstrations: send 1 where it is open"
+        yield finding("another-convention", float(np.exp(-gain)), message, "demonstrations")
+    elif total := sum(said.values()):
         what, _ = said.most_common(1)[0]
         message = f"{total} of {len(recordings)} demonstrations: the gripper or the hand {what}, unlike what words ask"
-        severity: Severity = "danger" if total > SHARE * len(recordings) else "info"
-        yield Doubt("unexpected-events", severity, f"{message}: check the gripper, or record them anew")
+        p = float(np.exp(sorted(nats)[int(SHARE * len(nats))]))  # more than this share is as improbable
+        yield finding("unlike-words", p, f"{message}: check the gripper, or record them anew", "demonstrations")
 
 
-def _objects(plan: Plan) -> Iterator[Doubt]:
+def _objects(plan: Plan) -> Iterator[Finding]:
     """Yield a doubt where rows follow another object than words say."""
     rows, item = plan.shown, plan.members[0]
     role = dict(zip(item.scene.names, item.scene.keys, strict=True))
@@ -188,12 +286,12 @@ def _objects(plan: Plan) -> Iterator[Doubt]:
             continue
         row = plan.rows[rows.switches[event]]
         keys = [role[name] for name in one.objects if role.get(name) in row.rivals]
-        if _gap(row, keys) > OTHER_OBJECT * rows.number:
-            yield _other(named[_best(row)], one.objects[0])
+        if (gap := _gap(row, keys)) > OTHER_OBJECT * rows.number:
+            yield _other(named[_best(row)], one.objects[0], gap)
     if not wanted and item.order.objects:
         acts, keys = [plan.rows[k] for k in rows.acts], [key for key in rows.scenes.keys if is_named(key)]
-        if min(_gap(row, keys) for row in acts) > OTHER_OBJECT * rows.number:
-            yield _other(named[_best(acts[-1])], " or ".join(item.order.objects))
+        if (gap := min(_gap(row, keys) for row in acts)) > OTHER_OBJECT * rows.number:
+            yield _other(named[_best(acts[-1])], " or ".join(item.order.objects), gap)
 
 
 def _best(row: Row) -> str:
@@ -206,12 +304,12 @@ def _gap(row: Row, keys: Sequence[str]) -> float:
     return max(row.rivals.values(), default=0.0) - max((row.rivals[key] for key in keys), default=np.inf)
 
 
-def _other(follows: str, named: str) -> Doubt:
+def _other(follows: str, named: str, gap: float) -> Finding:
     said = f"the hand follows {follows} where words say {named}: check the instruction and the objects' names"
-    return Doubt("other-object", "danger", said)
+    return finding("unlike-words", float(np.exp(-gap)), said, f"objects[{follows}]")
 
 
-def _clock(plan: Plan) -> Iterator[Doubt]:
+def _clock(plan: Plan) -> Iterator[Finding]:
     """Yield a doubt where the gripper's switches fit the motion better some time earlier or later."""
     pairs = [m for m in plan.members if any(e.opens for e in script.events(m)) or script.expected(m.order)]
     if 2 * len(pairs) <= len(plan.members):
@@ -221,7 +319,7 @@ def _clock(plan: Plan) -> Iterator[Doubt]:
     best = int(np.argmax(gains))
     if gains[best] > CLOCK:
         said = f"the gripper fits the motion better {SHIFTS_S[best]:+.1f} s later: send it by the clock of the poses"
-        yield Doubt("gripper-clock", "danger", said)
+        yield finding("another-convention", float(np.exp(-gains[best] * len(pairs))), said, "demonstrations")
 
 
 def _excused(plan: Plan) -> set[str]:
@@ -250,7 +348,7 @@ def _common(places: Array, steps_m: Sequence[float]) -> bool:
     return bool((np.log(BROKEN_M / one) + scatter**2 / 2 * (BROKEN_M**-2 - one**-2)).sum() > 0)
 
 
-def _acts(plan: Plan) -> Iterator[Doubt]:
+def _acts(plan: Plan) -> Iterator[Finding]:
     """Yield a doubt for each row that is too uncertain to act."""
     if len(plan.members) < 2:
         return
@@ -261,17 +359,26 @@ def _acts(plan: Plan) -> Iterator[Doubt]:
     fails = {k: _fails_at(plan, k, gain) for k in sorted({*elsewhere, *grips})}
     surest = min(elsewhere - set(plan.shown.switches), key=lambda k: fails[k], default=None)  # there the hand acts
     doubtful = [k for k in fails if fails[k] > FAILS and (k in grips or k == surest)]
-    for k in doubtful:
-        row = plan.rows[k]
-        of, off = " and ".join(sorted(row.frame.objects)) or "the world", row.scale
-        said = f"row {k} scatters by {1000 * off[:3].max():.0f} mm and {np.degrees(off[3:].max()):.0f} degrees"
-        message = f"{said} as seen from {of}, and fails in {fails[k]:.0%}: record what it follows, or more alike"
-        yield Doubt("uncertain-act", "danger", message)
+    if doubtful:
+        yield _uncertain(plan, max(doubtful, key=lambda k: fails[k]), max(fails[k] for k in doubtful))
     if second.any() and gain > 0:
         said = f"demonstrations {', '.join(_ids(plan, second))} act in another way than the others"
-        yield Doubt("several-ways", "info", f"{said} (by {gain:.0f} nats of evidence)")
-        if doubtful:
-            yield from _of_some(plan, second)
+        why = _why(plan, second) if doubtful else ""
+        yield finding("several-ways", 1.0, f"{said} (by {gain:.0f} nats of evidence){why}", "demonstrations")
+
+
+def _uncertain(plan: Plan, k: int, fails: float) -> Finding:
+    row = plan.rows[k]
+    of, off_m, off_deg = plan.followed_by(k), float(row.scale[:3].max()), float(np.degrees(row.scale[3:].max()))
+    said = f"where the hand {_does(plan, k)}, row {k}, it scatters by {100 * off_m:.1f} cm and {off_deg:.0f} degrees"
+    message = f"{said} as seen from {of}, and fails in {fails:.0%}: record what it follows, or more alike"
+    return finding("uncertain-act", 1 - fails, message, "demonstrations", row=k, off_m=off_m, off_deg=off_deg)
+
+
+def _does(plan: Plan, k: int) -> str:
+    if k not in plan.shown.switches:
+        return "acts"
+    return "lets go" if plan.rows[k].gripper_open else "closes"
 
 
 def _grips(plan: Plan) -> bool:
@@ -279,10 +386,10 @@ def _grips(plan: Plan) -> bool:
     return len(plan.shown.switches) > 1 or bool(script.expected(plan.members[0].order))
 
 
-def _of_some(plan: Plan, second: Which) -> Iterator[Doubt]:
-    for fault, gain in explained(plan.shown.taking(plan.shown.acts), second)[:1]:
-        said = f"probably {fault.says} in {', '.join(_ids(plan, second))} (by {gain:.0f} nats): {fault.remedy}"
-        yield Doubt(fault.code, "info", said)
+def _why(plan: Plan, second: Which) -> str:
+    """Return the fault that explains those recordings best."""
+    best = explained(plan.shown.taking(plan.shown.acts), second)[:1]
+    return "".join(f": probably {fault.says} there (by {gain:.0f} nats): {fault.remedy}" for fault, gain in best)
 
 
 def _ids(plan: Plan, which: Which) -> list[str]:
@@ -341,7 +448,7 @@ def _gaps(plan: Plan, k: int) -> list[float]:
     return gaps
 
 
-def _repeated(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+def _repeated(recordings: Sequence[Recording]) -> Iterator[Finding]:
     """Yield a doubt for each object that several recordings have in exactly one place, though it moves in others."""
     scenes = [item.scene.by_name() for item in recordings]
     for name in sorted(set.intersection(*(set(scene.names) for scene in scenes))):
@@ -351,4 +458,4 @@ def _repeated(recordings: Sequence[Recording]) -> Iterator[Doubt]:
         again = [np.abs(places[n] - places[:n]).max(axis=1).min() < EXACT for n in range(1, len(places))]
         if sum(again) > REPEATED * len(places):
             said = f"{name} is in {sum(again)} demonstrations exactly where another has it: check that poses are new"
-            yield Doubt("measured-twice", "danger", said)
+            yield finding("measured-twice", 0.0, said, f"objects[{name}]")

@@ -39,6 +39,12 @@ class Plan:
     shown: Rows
     when: tuple[Condition, ...] = ()
 
+    def followed_by(self, k: int) -> str:
+        """Return the names of the objects that row k follows in the first recording, or the world."""
+        scene = self.members[0].scene
+        names = dict(zip(scene.keys, scene.names, strict=True))
+        return " and ".join(sorted(names[key] for key in self.rows[k].frame.objects)) or "the world"
+
     def holds(self, scene: Scene) -> bool:
         """Return whether a scene calls for the plan."""
         return all(condition.holds(scene) for condition in self.when)

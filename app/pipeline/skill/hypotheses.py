@@ -22,6 +22,7 @@ UPRIGHT, UPRIGHT_RAD = 0.95, np.radians(10)  # share of objects that stand uprig
 DOWN, DOWNWARDS = 0.8, 0.7  # share of acting hands that point down, and the cosine that counts as such
 ANYHOW = 0.15  # of hands that point anywhere, the share that points down by chance: (1 - DOWNWARDS) / 2
 SCALES = (0.8, 0.9, 1.1, 1.25)  # of a hand's positions: cameras and kinematics that are off by a tenth or a fifth
+CONVENTION = "another-convention"
 MAX_EXCHANGED = 6  # pairs of objects that are tried
 W_FIRST = [1, 2, 3, 0]
 MIRROR, MIRROR_TURN = np.array([1.0, -1.0, 1.0]), np.array([-1.0, 1.0, -1.0, 1.0])
@@ -49,27 +50,21 @@ def hypotheses(rows: Rows) -> Iterator[Hypothesis]:
     """Yield the faults that recordings may have."""
     order = "send quaternions as x y z w"
     base = "give positions and rotations of hand and objects in one world frame"
-    yield Hypothesis(
-        "quaternion-order", "the hand's quaternions have w first", order, _of_hand(lambda q: q[..., W_FIRST])
-    )
-    yield Hypothesis(
-        "quaternion-order", "objects' quaternions have w first", order, _of_objects(lambda q: q[..., W_FIRST])
-    )
-    yield Hypothesis("quaternion-inverse", "the hand's rotations are inverse", base, _of_hand(turns.inverse))
-    yield Hypothesis("quaternion-inverse", "objects' rotations are inverse", base, _of_objects(turns.inverse))
-    yield Hypothesis("yaw-sign", "objects' yaws have the wrong sign", base, _of_objects(_yaw_negated))
-    yield Hypothesis(
-        "hand-in-another-frame", "the hand is mirrored", base, _moved(lambda p: p * MIRROR, lambda q: q * MIRROR_TURN)
-    )
+    yield Hypothesis(CONVENTION, "the hand's quaternions have w first", order, _of_hand(lambda q: q[..., W_FIRST]))
+    yield Hypothesis(CONVENTION, "objects' quaternions have w first", order, _of_objects(lambda q: q[..., W_FIRST]))
+    yield Hypothesis(CONVENTION, "the hand's rotations are inverse", base, _of_hand(turns.inverse))
+    yield Hypothesis(CONVENTION, "objects' rotations are inverse", base, _of_objects(turns.inverse))
+    yield Hypothesis(CONVENTION, "objects' yaws have the wrong sign", base, _of_objects(_yaw_negated))
+    yield Hypothesis(CONVENTION, "the hand is mirrored", base, _moved(lambda p: p * MIRROR, lambda q: q * MIRROR_TURN))
     swapped = _moved(lambda p: p[..., [1, 0, 2]], lambda q: q)
-    yield Hypothesis("hand-in-another-frame", "the hand's x and y are exchanged", base, swapped)
+    yield Hypothesis(CONVENTION, "the hand's x and y are exchanged", base, swapped)
     for degrees in (90, -90, 180):
         q = turns.about_z(np.radians(degrees))
         said = f"the hand's frame is turned by {degrees} degrees"
-        yield Hypothesis("hand-in-another-frame", said, base, _base_turned(q))
+        yield Hypothesis(CONVENTION, said, base, _base_turned(q))
     for scale in SCALES:
         said = f"the hand's positions are {1 / scale:.2f} times as large as they are"
-        yield Hypothesis("hand-scaled", said, "check the unit and the calibration", _scaled(scale), scale)
+        yield Hypothesis(CONVENTION, said, "check the unit and the calibration", _scaled(scale), scale)
     for one, other in islice(combinations(range(len(rows.scenes.keys)), 2), MAX_EXCHANGED):
         said = f"{rows.scenes.keys[one]} and {rows.scenes.keys[other]} are exchanged"
         yield Hypothesis("names-exchanged", said, "check which object is which", _exchanged(one, other))

@@ -98,6 +98,15 @@ class Recording:
         phases = self.motion.phases
         return (phases[0].gripper_open, *(phase.ends_open for phase in phases))
 
+    @cached_property
+    def passed_m(self) -> dict[str, float]:
+        """How near the hand came to each object, by name, to where it stood at first."""
+        way = self.motion.trajectory.positions_m
+        return {
+            name: float(np.linalg.norm(way - place, axis=1).min())
+            for name, place in zip(self.scene.names, self.scene.place, strict=True)
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class Rows:

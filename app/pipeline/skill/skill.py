@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from app.pipeline.finding import LEVELS, Finding
 from app.pipeline.skill import doubts
 from app.pipeline.skill.density import SceneDensity, Surprise
-from app.pipeline.skill.doubts import DANGER_P, Doubt
 from app.pipeline.skill.fit import Plan, plans_of
 from app.pipeline.skill.left_out import left_out, scenes_left_out
 from app.pipeline.skill.recording import Recording
@@ -28,6 +28,11 @@ class Skill:
     plans: tuple[Plan, ...]
     scene: SceneDensity
     recordings: tuple[Recording, ...]
+
+    @property
+    def objects(self) -> frozenset[str]:
+        """The keys of the objects that rows follow or ways depend on."""
+        return frozenset().union(*(doubts.keys_of(plan) for plan in self.plans))
 
     def plan_for(self, scene: Scene) -> Plan:
         """Return the plan that a scene calls for."""
@@ -53,17 +58,18 @@ class Skill:
         decides = {key for plan in self.plans for condition in plan.when for key in condition.keys}
         return (self.plan_for(scene),) if decides <= set(scene.keys) else self.usual[:1]
 
-    def of_scene(self, scene: Scene) -> list[Doubt]:
-        """Return the doubts about a scene."""
-        return list(doubts.of_scene(self.plan_for(scene), self.scene, scene))
+    def of_scene(self, scene: Scene) -> list[Finding]:
+        """Return the doubts about a scene, which has the objects that rows follow."""
+        plan, known = self.plan_for(scene), self.scene.among(scene.names)
+        return [*doubts.of_scene(plan, known, scene), *doubts.alike(plan, scene)]
 
     @cached_property
-    def of_demonstrations(self) -> tuple[Doubt, ...]:
+    def of_demonstrations(self) -> tuple[Finding, ...]:
         """The doubts that do not depend on a scene."""
-        found = doubts.of_demonstrations(self.plans, self.recordings)
-        return (*found, *map(doubts.of_left_out, self.left_out()))
+        found = doubts.of_demonstrations(self.plans, self.usual, self.recordings)
+        return doubts.without_effects((*found, *map(doubts.of_left_out, self.left_out())))
 
-    def left_out(self, most_p: float = DANGER_P) -> list[Surprise]:
+    def left_out(self, most_p: float = LEVELS["unusual-demonstration"].warning) -> list[Surprise]:
         """Return what of each demonstration, its acts and its scene, is less probable than `most_p` by the others."""
         acts = [one for plan in self.plans for one in left_out(plan, most_p)]
         scenes, ids = [item.scene for item in self.recordings], [item.id for item in self.recordings]

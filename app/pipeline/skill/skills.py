@@ -1,21 +1,36 @@
 """The skills of a task's demonstrations: one for each form of instruction, fitted when it is first asked for."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import product
+from itertools import chain, product
+from typing import NamedTuple
+
+import numpy as np
 
 from app.pipeline.episode import Query
+from app.pipeline.finding import Finding, without_repeats
+from app.pipeline.names import folded_name
 from app.pipeline.order.order import Order
+from app.pipeline.skill import doubts
 from app.pipeline.skill.fit import Plan
 from app.pipeline.skill.recording import Recording
 from app.pipeline.skill.scene import Scene
 from app.pipeline.skill.skill import Skill, fit
 from app.pipeline.skill.support import PlacedPlan, joined, placed_plan
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.poses import EndEffectorAction
 
 MAX_STRUNG = 64  # combinations of the plans of several clauses
+
+
+class Off(NamedTuple):
+    """How far an action is from where demonstrations do it; `follows`: what it is relative to, in words."""
+
+    follows: str
+    off_m: float
+    off_deg: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +40,13 @@ class Skills:
     Attributes:
         recordings: of all instructions, in the order of prompts.
         symmetry: degrees after which an object looks the same, by its name; 0 for a round one.
+        names: of the objects, as the task spells them.
         knows_start: whether scenes tell where the hand starts; else no row follows that.
     """
 
     recordings: tuple[Recording, ...]
     symmetry: Mapping[str, float]
+    names: tuple[str, ...] = ()
     knows_start: bool = True
     _fitted: dict[str, Skill] = field(default_factory=dict, init=False, repr=False)
     _few: dict[frozenset[str], "Skills"] = field(default_factory=dict, init=False, repr=False)
@@ -75,6 +92,59 @@ class Skills:
     def needed(self) -> frozenset[str]:
         """The names of the objects that a scene must have: those that rows follow, words name, or ways depend on."""
         return frozenset(name for form in self.forms for name in _needed(self.of_form(form)))
+
+    @cached_property
+    def of_demonstrations(self) -> tuple[Finding, ...]:
+        """The doubts that do not depend on a scene, of each form of instruction."""
+        return self._each(self.of_form(form).of_demonstrations for form in self.forms)
+
+    def of_orders(self, orders: Iterable[Order]) -> tuple[Finding, ...]:
+        """Return those of the doubts about demonstrations that matter to instructions."""
+        return self._each(self.of(order).of_demonstrations for order in orders)
+
+    def of_scene(self, queries: Sequence[Query]) -> tuple[Finding, ...]:
+        """Return the doubts about a scene in which several instructions are carried out."""
+        known = [query for query in queries if query.order.form in self.forms]
+        each = [self.of(query.order).of_scene(self.scene(query)) for query in known]
+        return without_repeats(self._each(each))
+
+    def _each(self, found: Iterable[Sequence[Finding]]) -> tuple[Finding, ...]:
+        """Return each finding once, objects in `where` as the task spells them."""
+        spelled = {f"objects[{folded_name(name)}]": f"objects[{name}]" for name in self.names}
+        each: list[Finding] = []
+        for one in chain.from_iterable(found):
+            named = replace(one, where=spelled.get(one.where, one.where))
+            each += [] if named in each else [named]
+        return tuple(each)
+
+    def of_way(self, queries: Sequence[Query], actions: Sequence[EndEffectorAction]) -> tuple[Finding, ...]:
+        """Return the doubts about the way through actions that carry out these instructions, one after the other.
+
+        Objects in the scene that demonstrations do not have are in the way, too.
+        """
+        if not actions:
+            return ()
+        named = [name for query in queries for name in query.order.objects]
+        touched = {folded_name(name) for name in (*self.needed, *named)}
+        scene = self.scene(queries[0])
+        return self._each([list(doubts.of_way(scene, touched, actions, self.recordings))])
+
+    def off(self, query: Query, actions: Sequence[EndEffectorAction]) -> tuple[Off, ...]:
+        """Return how far each action is from its row; nothing where the rows are others, or cannot be told."""
+        if query.order.form not in self.forms:
+            return ()
+        scene, skill = self.scene(query), self.of(query.order)
+        if not skill.objects <= set(scene.keys):
+            return ()
+        plan = skill.plan_for(scene)
+        if len(plan.rows) != len(actions):
+            return ()
+        seen = plan.as_shown(scene)
+        each = [row.residual(action, seen) for row, action in zip(plan.rows, actions, strict=True)]
+        return tuple(
+            Off(plan.followed_by(k), float(np.linalg.norm(off[:3])), float(np.degrees(np.linalg.norm(off[3:]))))
+            for k, off in enumerate(each)
+        )
 
     def scene(self, query: Query) -> Scene:
         """Return the scene of a query, symmetric objects turned to one side."""

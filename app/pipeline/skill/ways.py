@@ -69,6 +69,13 @@ class Condition:
         """The keys of the objects that it depends on."""
         return tuple(filter(None, (self.quantity.one, self.quantity.other)))
 
+    @property
+    def described(self) -> str:
+        """In words, as `x of cup > 0.21`; keys of objects for their names."""
+        seen_from = f" from {self.quantity.other}" if self.quantity.other else ""
+        side = ">" if self.above else "<"
+        return f"{self.quantity.coordinate} of {self.quantity.one}{seen_from} {side} {self.cut:.3g}"
+
     def holds(self, scene: Scene) -> bool:
         """Return whether a scene calls for the way."""
         return (float(self.quantity.of(scene)) > self.cut) == self.above

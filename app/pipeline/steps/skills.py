@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from app.pipeline.findings.roles import strangers
 from app.pipeline.order.clauses import ParsedClause
 from app.pipeline.order.frames import Frame
 from app.pipeline.order.order import Order
 from app.pipeline.order.reading import FilledFrame, compounds
+from app.pipeline.order.roles import strangers
 from app.pipeline.order.taught import TaughtWords
 
 MAX_TASKS_LISTED = 10  # in a refusal

@@ -1,6 +1,7 @@
 """A task's demonstrations within one read transaction, cached by the task's version."""
 
-from collections.abc import Collection, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
@@ -9,10 +10,7 @@ from sqlalchemy import Connection
 
 from app.perception.base import ObjectQuery
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.frames import Compared
-from app.pipeline.findings.hand import RecordedHand
-from app.pipeline.findings.path_kept import kept
+from app.pipeline.finding import Finding
 from app.pipeline.groups import made_by_group
 from app.pipeline.plans import agreeing, demonstrated
 from app.pipeline.plans.choice import PlanChooser
@@ -23,7 +21,7 @@ from app.pipeline.skill.recording import Recording as SkillRecording
 from app.pipeline.skill.skills import Skills
 from app.services.cache import Cache
 from app.services.errors import NoDemonstrationsError
-from app.services.poses import compared
+from app.services.poses import Compared, compared
 from app.services.predict.request import PredictOptions
 from app.services.predict.scenes import Ids, Scenes, in_all
 from app.services.task_settings import TaskSettings
@@ -31,12 +29,34 @@ from app.store import episodes
 from app.store.records import DemonstrationRecord, EpisodeRecord, TaskRecord, TaskState
 from app.store.trajectories import get_trajectories
 from roboprompt_client.errors import InvalidInputError
-from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import ObjectPose
 
 MAX_HELD_AGAINST = 50  # demonstrations of a task
 MAX_CHOICES = 4  # of a task's demonstrations that are kept
 _FORM = attrgetter("demonstration.order.form")
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSources:
+    """How objects of demonstrations were measured.
+
+    Attributes:
+        estimators: by name of the object.
+        compared: objects with both a given pose and one found in images.
+    """
+
+    estimators: Mapping[str, frozenset[str]]
+    compared: tuple[Compared, ...]
+
+    @classmethod
+    def of(cls, records: Iterable[EpisodeRecord], settings: TaskSettings) -> "PoseSources":
+        found: defaultdict[str, set[str]] = defaultdict(set)
+        pairs: list[Compared] = []
+        for record in records:
+            for item in record.objects:
+                found[item.name].add(item.estimator)
+            pairs += _compared(record, settings)
+        return cls({name: frozenset(estimators) for name, estimators in found.items()}, tuple(pairs))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +67,11 @@ class Demonstrations:
         shown: as prompts show them, with rows of one plan at their robust center.
         recorded: the same with rows as they were recorded.
         aligned: whether demonstrations of one plan have equally many rows.
-        hands: the hand's recorded path for each; empty where it is not needed.
     """
 
     shown: tuple[Demonstration, ...]
     recorded: tuple[Demonstration, ...]
     aligned: bool = False
-    hands: tuple[RecordedHand, ...] = ()
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "Demonstrations":
@@ -67,23 +85,9 @@ class Demonstrations:
         return replace(self, shown=shown, recorded=recorded)
 
     @cached_property
-    def needed(self) -> frozenset[str]:
-        """The names of the objects that a scene must have."""
-        return Taught(self.recorded).needed
-
-    @cached_property
     def plans(self) -> PlanChooser | None:
         """The chooser among their plans; None if rows are not aligned."""
         return PlanChooser(self.recorded) if self.aligned else None
-
-
-def hands_of(recordings: Sequence[Recording], shown: Sequence[Demonstration]) -> tuple[RecordedHand, ...]:
-    """Return the hand's path in each recording; `shown` are its demonstrations as prompts have them."""
-    hands = []
-    for recording, demonstration in zip(recordings, shown, strict=True):
-        kept_to = kept(recording.motion, demonstration.actions, recording.rule.delta_rad_s)
-        hands.append(RecordedHand.of(recording.motion, demonstration, kept_to))
-    return tuple(hands)
 
 
 def recordings_of(
@@ -117,7 +121,7 @@ def skills_of(
         )
         for item, record, trajectory in zip(stored, records, trajectories, strict=True)
     ]
-    return Skills(tuple(recordings), settings.yaw_symmetry_deg)
+    return Skills(tuple(recordings), settings.yaw_symmetry_deg, tuple(names))
 
 
 class TaskVersion:
@@ -134,7 +138,7 @@ class TaskVersion:
         self.scenes: Scenes | None = None  # 10,000 of three objects take 1 MB
         self.symmetries: Symmetries | None = None
         self.demonstrations: Cache[Ids, Demonstrations] = Cache(MAX_CHOICES)
-        self.taught: dict[bool, Taught] = {}
+        self.sources: PoseSources | None = None
         self.skills: Cache[Ids, Skills] = Cache(MAX_CHOICES)
 
 
@@ -199,8 +203,7 @@ class TaskReading:
 
     def _demonstrations(self, ids: Ids) -> Demonstrations:
         recordings = folded(self._recordings(ids), self.symmetries)
-        found = Demonstrations.of(recordings).only(self.record.object_names or ())
-        return replace(found, hands=hands_of(recordings, found.recorded)) if ids == self._held_against else found
+        return Demonstrations.of(recordings).only(self.record.object_names or ())
 
     def _recordings(self, ids: Ids) -> Sequence[Recording]:
         if ids not in self._read:
@@ -234,45 +237,31 @@ class TaskReading:
         Raises:
             NoDemonstrationsError: if there is none, or all are left out.
         """
-        if not (ids := self._held_against):
+        self.require_demonstrations()
+        return self.skills_of(self._held_against)
+
+    @property
+    def doubts(self) -> tuple[Finding, ...]:
+        """The doubts about all demonstrations; none if there are no demonstrations."""
+        return self.skills.of_demonstrations if self.has_demonstrations else ()
+
+    @property
+    def has_demonstrations(self) -> bool:
+        """Whether prompts may show any episode."""
+        return bool(self._held_against)
+
+    def require_demonstrations(self) -> None:
+        """Raise NoDemonstrationsError if there is none, or all are left out."""
+        if not self.has_demonstrations:
             raise NoDemonstrationsError(self.record.name)
-        return self.skills_of(ids)
 
-    def taught(self, from_start: bool) -> Taught:
-        """Return all demonstrations of the task (of more than 50 those whose scenes lie farthest apart) for comparison.
-
-        They do not depend on the episodes that a request names, which may show one of several ways by chance.
-
-        Args:
-            from_start: whether rows may be relative to the end effector's start pose.
-
-        Raises:
-            NoDemonstrationsError: if there is none, or all are left out.
-        """
-        if from_start not in self.kept.taught:
-            self.kept.taught[from_start] = self._taught(from_start)
-        return self.kept.taught[from_start]
-
-    def _taught(self, from_start: bool) -> Taught:
-        if not (ids := self._held_against):
-            raise NoDemonstrationsError(self.record.name)
-        known, settings = self.demonstrations(ids), self.kept.settings
-        recorded = known.recorded if from_start else tuple(replace(item, start=None) for item in known.recorded)
-        records = episodes.by_ids(self.connection, self.record.name, ids)
-        return Taught(
-            recorded,
-            several_ways=settings.ways == "several",
-            hands=known.hands,
-            yaw_symmetry_deg=settings.yaw_symmetry_deg,
-            given_xyzw={id_: _rotations(record, settings.yaw_symmetry_deg) for id_, record in records.items()},
-            compared=tuple(pair for record in records.values() for pair in _compared(record, settings)),
-        )
-
-
-def _rotations(record: EpisodeRecord, names: Collection[str]) -> dict[str, Array]:
-    """Return the rotations of objects of these names, as they were before a symmetry was applied."""
-    poses = [item.pose() for item in record.objects if item.name in names]
-    return {pose.name: pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None}
+    @property
+    def sources(self) -> PoseSources:
+        """How the demonstrations' objects were measured."""
+        if self.kept.sources is None:
+            records = episodes.by_ids(self.connection, self.record.name, self._held_against)
+            self.kept.sources = PoseSources.of(records.values(), self.kept.settings)
+        return self.kept.sources
 
 
 def _compared(record: EpisodeRecord, settings: TaskSettings) -> tuple[Compared, ...]:

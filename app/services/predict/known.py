@@ -8,8 +8,8 @@ import numpy as np
 from sqlalchemy import Connection
 
 from app.llm.base import ModelProfile
-from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.units import check_meters, check_scene_units
+from app.pipeline.finding import Finding
+from app.pipeline.inputs import check_meters, check_scene_units
 from app.pipeline.names import check_object_names
 from app.pipeline.skill.skills import Skills
 from app.services.cache import Cache
@@ -18,7 +18,7 @@ from app.services.extract import reading
 from app.services.images import check_colors
 from app.services.measures import timed
 from app.services.poses import PoseServers, poses_of
-from app.services.predict.demonstrations import TaskReading, TaskVersion
+from app.services.predict.demonstrations import PoseSources, TaskReading, TaskVersion
 from app.services.predict.request import PredictOptions, PredictRequest, PromptStyle
 from app.services.predict.scenes import Ids
 from app.services.task_settings import TaskSettings
@@ -42,8 +42,8 @@ class Known:
         profile: of the model to ask.
         shown: the skills of the demonstrations that the request names, or that its selection finds.
         shown_ids: of these, in the order of the prompt.
-        taught: all demonstrations of the task, with which an answer is compared.
-        skills: of the same demonstrations.
+        skills: of all demonstrations of the task, with which an answer is compared.
+        sources: of their objects' poses.
         observed: the objects of the task, in its order, as the robot sent them or as images show them.
         objects: the same with symmetric objects turned to the side that demonstrations have.
         absent: names of the task's objects that were not observed.
@@ -55,8 +55,8 @@ class Known:
     style: PromptStyle
     shown: Skills
     shown_ids: Ids
-    taught: Taught
     skills: Skills
+    sources: PoseSources
     observed: tuple[ObjectPose, ...]
     objects: tuple[ObjectPose, ...]
     absent: tuple[str, ...]
@@ -107,15 +107,13 @@ class KnownReader:
             return known
         present = [pose.name for pose in known.observed]
         check_object_names(present, record.object_names or (), known.skills.needed | known.shown.needed)
-        few = known.skills.only(present), known.shown.only(present)
-        return replace(known, taught=known.taught.of_objects(present), skills=few[0], shown=few[1])
+        return replace(known, skills=known.skills.only(present), shown=known.shown.only(present))
 
     def _known(self, request: PredictRequest, task: TaskReading, poses: Mapping[str, ObjectPose]) -> Known:
         kept, names = task.kept, task.record.object_names or ()
         profile = self._profile_of(request.options.model)
         from_start = request.end_effector is not None
         style = PromptStyle.of(request.options, kept.settings, profile, from_start=from_start)
-        taught = task.taught(style.from_start)
         observed = tuple(poses[name] for name in names if name in poses)
         ids = task.selected(request.options, observed)
         shown = task.skills_of(ids)
@@ -125,8 +123,8 @@ class KnownReader:
             style,
             shown if from_start else shown.without_start,
             ids,
-            taught,
-            task.skills if from_start else task.skills.without_start,
+            task.skills,
+            task.sources,
             observed,
             objects=task.folded(observed),
             absent=tuple(name for name in names if name not in poses),
@@ -171,6 +169,15 @@ class KnownReader:
                 task = TaskReading(now.connection, now.task, Cache(1) if now.refused else self._kept)
             yield task
 
+    def doubts(self, name: str) -> tuple[Finding, ...]:
+        """Return the doubts about a task's demonstrations: uploads, checks, predictions and pages say the same.
+
+        Raises:
+            NotFoundError: if there is no such task.
+        """
+        with self.reading(name, strict=False) as task:
+            return task.doubts
+
     def limits(self, connection: Connection, task: str) -> MotionLimits:
         """Return the task's present limits of motion; raises NotFoundError if there is no such task."""
         record = tasks.get(connection, task)
@@ -192,6 +199,6 @@ class KnownReader:
         options = PredictOptions()
         with self.reading(task_name) as task:
             style = PromptStyle.of(options, task.kept.settings, self._profile_of(None))
-            task.taught(style.from_start)  # refuses a task without demonstrations
+            task.require_demonstrations()
             ids = task.selected(options, ())
             return task.skills_of(ids).without_start, ids, task.kept.settings, style

@@ -8,7 +8,6 @@ import numpy as np
 
 from app.llm.base import Completion, TextDelta
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
-from app.pipeline.findings.actions import ActionDoubt
 from app.pipeline.reply import ReplyReader
 from app.pipeline.representation.frame_text import XYZ, FrameParts
 from app.pipeline.skill import turns
@@ -23,6 +22,24 @@ from roboprompt_client.types.poses import EndEffectorAction
 # three Euler angles together.
 TOLERATED_BINS = 1.0
 TOLERATED_DEG = 1.5 * ROTATION_BIN_DEG
+
+
+@dataclass(frozen=True)
+class ActionDoubt:
+    """An action outside of the demonstrated range.
+
+    Attributes:
+        index: of the action, from 0.
+        off_m, off_deg: how far it is beyond the farthest demonstration.
+        seen_from: what it follows, in words.
+        unsupported: the reason for refusing it, unless the request allows it; None if it is within the margin.
+    """
+
+    index: int
+    off_m: float = 0.0
+    off_deg: float = 0.0
+    seen_from: str = ""
+    unsupported: UnsupportedActionError | None = None
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ import numpy as np
 
 from app.pipeline.episode import Query
 from app.pipeline.errors import SceneOutOfBoundsError
-from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import GRIPPER_TURNED
+from app.pipeline.finding import Finding, finding
 from app.pipeline.representation.base import row_count_bounds
 from app.pipeline.skill.skills import Skills
 from app.pipeline.skill.support import PlacedPlan
@@ -129,7 +128,7 @@ def _turned_plans(
     message = f"In all actions the gripper is turned by 180 degrees from what the reply says: {reason}."
     numbers = {"beyond_deg": beyond_deg, "turned_beyond_deg": turned_deg}
     turned = {name: found and tuple(map(_half_turned, found)) for name, found in plans.items()}
-    return turned, [GRIPPER_TURNED.finding(message, "actions", numbers)]
+    return turned, [finding("symmetry-shown", 1.0, message, "actions", symmetry_deg=180.0, **numbers)]
 
 
 def _half_turned(plan: PlacedPlan) -> PlacedPlan:

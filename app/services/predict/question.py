@@ -5,15 +5,11 @@ from dataclasses import dataclass, replace
 
 from app.pipeline.episode import Query, start_at
 from app.pipeline.errors import UngroundedInstructionError
-from app.pipeline.findings import Finding
-from app.pipeline.findings.frames import frame_findings, held_findings, source_findings, start_findings
-from app.pipeline.findings.roles import strangers
-from app.pipeline.findings.rules import NEW_INSTRUCTION, NEW_ROLE, PARTS_NOT_SHOWN, UNFAMILIAR_INSTRUCTION
-from app.pipeline.findings.scene import other_objects, scene_findings
+from app.pipeline.finding import Finding, finding
 from app.pipeline.order.order import Order
-from app.pipeline.plans.symmetry import symmetry_findings
 from app.pipeline.prompt import Prompt
 from app.services.measures import timed
+from app.services.predict import doubts
 from app.services.predict.instruction import parsed
 from app.services.predict.known import Known, KnownReader
 from app.services.predict.placed import Plans, place_plans
@@ -22,7 +18,6 @@ from app.services.predict.request import PredictRequest
 from roboprompt_client.errors import InvalidInputError
 
 MAX_PROMPT_CHARS = 400_000  # of system prompt and demonstrations: 100,000 tokens, which no context here holds
-LISTED = 3  # instructions that a sentence names
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +48,11 @@ class Question:
     max_actions: int
     turned: bool = False
     findings: tuple[Finding, ...] = ()
+
+    @property
+    def as_observed(self) -> tuple[Query, ...]:
+        """The parts in the scene as it was observed."""
+        return tuple(Query(part.instruction, self.known.observed, start=part.start) for part in self.parts)
 
     @property
     def deadline_s(self) -> float:
@@ -111,45 +111,16 @@ def _check_length(num_chars: int) -> None:
         raise InvalidInputError("num_demonstrations", f"makes a prompt of {num_chars} characters", valid)
 
 
-def doubts_before(question: Question) -> Iterator[Finding]:
-    """Yield the findings before the LLM is asked, causes first: objects, words, demonstrations, scene."""
-    known, order, seen, hand = question.known, question.grounded, question.seen, question.request.end_effector
-    taught = known.taught
-    followed = taught.followed(order)
-    yield from other_objects(known.absent, [pose.name for pose in known.bystanders])
-    yield from symmetry_findings(known.task.symmetries or {})
-    yield from _words(order, known.shown.instructions)
-    yield from _parts(question)
-    that_matter = tuple(pose for pose in seen.objects if pose.name in followed or not followed)
-    yield from source_findings(that_matter, taught.demonstrations, taught.compared)
-    yield from taught.findings(order)
-    yield from scene_findings(seen, taught.scenes, followed, taught.turning(order), taught.needed)
-    if taught.follows_start(order):
-        yield from start_findings(hand, taught.scenes)
-    yield from frame_findings(hand, taught.demonstrations, taught.hands)
-    yield from held_findings(hand, seen, taught.demonstrations, taught.hands)
-
-
-def _words(order: Order, shown: Sequence[str]) -> Iterator[Finding]:
-    taught = tuple(dict.fromkeys(shown))
-    if order.unfamiliar is not None:
-        message = f"{order.unfamiliar}; it was passed on to the LLM."
-        yield UNFAMILIAR_INSTRUCTION.finding(message, "instruction")
-    elif taught and order.text not in taught:
-        more = f" and {len(taught) - LISTED} more" if taught[LISTED:] else ""
-        listed = ", ".join(map(repr, taught[:LISTED])) + more
-        message = f"No demonstration has this instruction, {order.text!r}; they have {listed}."
-        yield NEW_INSTRUCTION.finding(message, "instruction")
-        yield from _new_roles(order, taught)
-
-
-def _new_roles(order: Order, taught: Sequence[str]) -> Iterator[Finding]:
-    for stranger in strangers(order, taught):
-        shown = ", ".join(map(repr, stranger.instead_of[:LISTED]))
-        message = (
-            f"{stranger.name!r} stands where demonstrations have {shown}, another kind of thing: the motion is theirs."
-        )
-        yield NEW_ROLE.finding(message, "instruction", value=float(stranger.named_elsewhere))
+def doubts_before(question: Question) -> tuple[Finding, ...]:
+    """Return the findings before the LLM is asked: objects, words, demonstrations, scene."""
+    known = question.known
+    return (
+        *doubts.of_objects(known),
+        *doubts.of_words(question.grounded, known.shown.instructions),
+        *_parts(question),
+        *known.skills.of_orders(part.order for part in question.parts),
+        *known.skills.of_scene(question.as_observed),
+    )
 
 
 def _parts(question: Question) -> Iterator[Finding]:
@@ -158,4 +129,4 @@ def _parts(question: Question) -> Iterator[Finding]:
         if part.instruction in question.plans and question.plans[part.instruction] is None:
             number = len(part.order.clauses)
             message = f"No demonstration carries out {number} part{'s' * (number > 1)} as {part.instruction!r} asks."
-            yield PARTS_NOT_SHOWN.finding(message, "instruction")
+            yield finding("new-instruction", 0.0, message, "instruction")

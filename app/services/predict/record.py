@@ -7,8 +7,7 @@ import anyio.to_thread
 
 from app.llm.base import LanguageModelError
 from app.pipeline.errors import ReplyParseError, UnsupportedActionError
-from app.pipeline.findings import Finding
-from app.pipeline.findings.rules import MODEL_FAILED, UNPARSABLE, UNSAFE, UNSUPPORTED, Rule
+from app.pipeline.finding import Finding, finding
 from app.services.errors import RefusedReply, RefusedReplyError
 from app.services.images import put_images
 from app.services.measures import Metrics, timed, timings
@@ -20,12 +19,12 @@ from app.store.store import Store
 from app.store.values import ObjectRecord
 from roboprompt_client.errors import RoboPromptError, UnsafeActionError
 
-# Per class of error the status of the stored prediction, and the finding that says why there are no actions.
-FAILURES: Mapping[type[RoboPromptError], tuple[PredictionStatus, Rule, str, str]] = {
-    ReplyParseError: ("parse_error", UNPARSABLE, "reply", "The reply is not a list of valid actions"),
-    UnsafeActionError: ("unsafe_action", UNSAFE, "actions", "An action breaks a bound of motion"),
-    UnsupportedActionError: ("unsupported", UNSUPPORTED, "actions", "The demonstrations do not support an action"),
-    LanguageModelError: ("model_error", MODEL_FAILED, "reply", "The LLM did not answer"),
+# Per class of error the status of the stored prediction, what the finding is about, and what it says.
+FAILURES: Mapping[type[RoboPromptError], tuple[PredictionStatus, str, str]] = {
+    ReplyParseError: ("parse_error", "reply", "The reply is not a list of valid actions"),
+    UnsafeActionError: ("unsafe_action", "actions", "An action breaks a bound of motion"),
+    UnsupportedActionError: ("unsupported", "actions", "The demonstrations do not support an action"),
+    LanguageModelError: ("model_error", "reply", "The LLM did not answer"),
 }
 
 
@@ -79,9 +78,9 @@ class PredictionRecorder:
         Raises:
             RefusedReplyError: if the error is the reply's.
         """
-        status, rule, where, what = next(row for kind, row in FAILURES.items() if isinstance(error, kind))
-        finding = rule.finding(f"{what}: {error}. The robot got no actions.", where)
-        draft = _draft(reply, status, str(error), (*_findings(reply), finding))
+        status, where, what = next(row for kind, row in FAILURES.items() if isinstance(error, kind))
+        why = finding("no-actions", 0.0, f"{what}: {error}. The robot got no actions.", where)
+        draft = _draft(reply, status, str(error), (*_findings(reply), why))
         id_ = await self._store_reply(reply, draft, None)
         if isinstance(error, RefusedReply):
             raise RefusedReplyError(error, reply.text or "", id_) from error

@@ -3,6 +3,7 @@
 import time
 from collections.abc import AsyncGenerator, Iterator
 from contextlib import aclosing
+from dataclasses import replace
 
 from app.llm.base import (
     Completion,
@@ -15,12 +16,12 @@ from app.llm.base import (
 )
 from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
-from app.pipeline.findings import Finding
-from app.pipeline.findings.actions import ActionDoubt, action_findings, passing_findings
+from app.pipeline.finding import Finding
 from app.pipeline.prompt import Prompt
 from app.pipeline.reply import ReplyReader
 from app.services.measures import timed
-from app.services.predict.part_reply import PartReply, PredictedAction
+from app.services.predict import doubts
+from app.services.predict.part_reply import ActionDoubt, PartReply, PredictedAction
 from app.services.predict.question import Question
 
 MAX_TOKENS_PER_ACTION = 80  # more than any representation needs for a row, a token for each digit
@@ -51,11 +52,10 @@ class Reply:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        actions, question = [item.action for item in self.actions], self.question
-        taught, bystanders = question.known.taught, question.known.bystanders
-        passing = passing_findings(question.seen, actions, taught.scenes, bystanders)
-        odd = taught.of_answer(question.parts, actions, question.prefix.demonstration_ids)
-        return (*action_findings(self._doubts), *passing, *(odd if actions else ()))
+        """Those of the actions so far."""
+        known, actions = self.question.known, [item.action for item in self.actions]
+        seen = [replace(part, objects=(*part.objects, *known.bystanders)) for part in self.question.as_observed]
+        return (*doubts.of_actions(self._doubts), *known.skills.of_way(seen, actions))
 
     async def arriving(self, *, piecewise: bool) -> AsyncGenerator[Actions | TextDelta | Reading, None]:
         """Yield actions once their rows are complete; if requested, also the progress of reading and the text.

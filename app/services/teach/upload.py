@@ -4,10 +4,9 @@ from dataclasses import asdict, replace
 
 from sqlalchemy import Connection
 
-from app.pipeline.findings.recording import upload_findings
 from app.services.extract import keyframes_of, objects_of
 from app.services.images import put_images
-from app.services.poses import PoseServers, compared
+from app.services.poses import PoseServers
 from app.services.teach.upload_checks import CheckedUpload, StoredTask, Upload, checked_upload
 from app.store import episodes, predictions, tasks
 from app.store.errors import ConflictError, NotFoundError
@@ -44,7 +43,7 @@ class UploadEpisode:
             task = StoredTask.read(self._store, upload)
             self._pose_servers.check(task.settings.object_models)
             checked = checked_upload(upload, task)
-            draft = self._draft(upload, task, checked)
+            draft = self._draft(upload, checked)
             with self._store.write() as connection:
                 if (before := _uploaded_before(connection, upload)) is not None:
                     return before
@@ -54,8 +53,8 @@ class UploadEpisode:
                     return record
         raise ConflictError(f"task {upload.task!r} kept changing during the upload: send the episode again")
 
-    def _draft(self, upload: Upload, task: StoredTask, checked: CheckedUpload) -> EpisodeDraft:
-        """Find keyframes and poses, collect the findings, and put the images; no transaction is open."""
+    def _draft(self, upload: Upload, checked: CheckedUpload) -> EpisodeDraft:
+        """Find keyframes and poses, and put the images; no transaction is open."""
         episode, blobs, settings = upload.episode, self._store.blobs, checked.settings
         keys = settings.extraction_keys
         draft = EpisodeDraft(
@@ -79,21 +78,7 @@ class UploadEpisode:
             num_frames=len(episode.trajectory),
             trajectory=npz_from_trajectory(episode.trajectory),
         )
-        new = draft.demonstration()
-        findings = upload_findings(
-            new,
-            checked.motion,
-            settings.keyframes.keyframe_rule(),
-            tracked=upload.object_names,
-            compared=compared(upload.objects, new.objects, settings),
-            extra=episode.extra,
-            others=[record.demonstration() for record in task.demonstrations],
-        )
-        return replace(
-            draft,
-            findings=tuple(finding.to_json() for finding in (*checked.findings, *findings)),
-            cameras=put_images(blobs, upload.cameras, upload.images),
-        )
+        return replace(draft, cameras=put_images(blobs, upload.cameras, upload.images))
 
 
 def _uploaded_before(connection: Connection, upload: Upload) -> EpisodeRecord | None:

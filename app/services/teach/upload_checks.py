@@ -13,24 +13,20 @@ from app.perception.base import GivenPoses, ObjectQuery
 from app.perception.images import ImageBytes
 from app.pipeline.episode import Episode
 from app.pipeline.errors import ObjectSetError
-from app.pipeline.findings import Finding
-from app.pipeline.findings.demonstrated_scenes import MIN_AGREEING
-from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.findings.scene import other_objects
-from app.pipeline.findings.units import check_recording
+from app.pipeline.inputs import check_recording
 from app.pipeline.keyframes import Motion
 from app.pipeline.names import check_object_names
 from app.pipeline.order.frames import frames_of
 from app.pipeline.order.lexicon import Lexicon
 from app.pipeline.order.order import Order
-from app.pipeline.plans.recording import Recording
-from app.pipeline.thresholds import GRASPED_M
+from app.pipeline.skill.scene import GRASPED_M
+from app.pipeline.skill.skills import Skills
 from app.services.extract import reading
-from app.services.predict.demonstrations import Demonstrations, recordings_of
+from app.services.predict.demonstrations import skills_of
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
 from app.store.errors import NotFoundError
-from app.store.records import DemonstrationRecord, TaskRecord
+from app.store.records import TaskRecord
 from app.store.store import Store
 from app.store.values import JsonObject
 from roboprompt_client.errors import InvalidInputError
@@ -94,8 +90,7 @@ class StoredTask:
         stored: its settings as JSON; of a new task those that it will be created with.
         settings: the same, validated.
         object_names: in the task's order; None while it has no episode.
-        demonstrations: its first `MAX_COMPARED`.
-        recordings: of these demonstrations; None unless the episode's objects are partly the task's.
+        skills: of its first `MAX_COMPARED` demonstrations; None unless the episode's objects are partly the task's.
     """
 
     name: str
@@ -103,8 +98,7 @@ class StoredTask:
     stored: JsonObject
     settings: TaskSettings
     object_names: tuple[str, ...] | None = None
-    demonstrations: tuple[DemonstrationRecord, ...] = ()
-    recordings: Sequence[Recording] | None = None
+    skills: Skills | None = None
 
     @classmethod
     def read(cls, store: Store, upload: Upload) -> "StoredTask":
@@ -119,11 +113,11 @@ class StoredTask:
     @classmethod
     def _read(cls, connection: Connection, task: TaskRecord, upload: Upload) -> "StoredTask":
         settings = TaskSettings.read(connection, task)
-        shown = episodes.demonstrations(connection, task.name, MAX_COMPARED)
         own, sent = set(task.object_names or ()), set(upload.object_names)
         partly = own != sent and not own.isdisjoint(sent)
-        recordings = recordings_of(connection, shown, settings) if partly else None
-        return cls(task.name, False, task.settings, settings, task.object_names, shown, recordings)
+        shown = episodes.demonstrations(connection, task.name, MAX_COMPARED) if partly else ()
+        skills = skills_of(connection, shown, settings, own) if shown else None
+        return cls(task.name, False, task.settings, settings, task.object_names, skills)
 
     def is_unchanged(self, connection: Connection) -> bool:
         """Lock the task, created if it is new; return whether its settings and objects are still as they were read."""
@@ -143,13 +137,11 @@ class CheckedUpload:
         settings: of the task, with the number of the arm's joints.
         motion: of the recording, as the settings read it.
         names: of the objects of the task and of the upload, in the task's order.
-        findings: about objects that are not the task's.
     """
 
     settings: TaskSettings
     motion: Motion
     names: tuple[str, ...]
-    findings: tuple[Finding, ...]
 
 
 def checked_upload(upload: Upload, task: StoredTask) -> CheckedUpload:
@@ -164,17 +156,17 @@ def checked_upload(upload: Upload, task: StoredTask) -> CheckedUpload:
     settings, motion = task.settings.with_recording(episode.trajectory, episode.control_frequency_hz)
     given = GivenPoses().estimate([query for query in upload.objects if query.position_m is not None], ())
     check_recording(motion, given, upload.cameras)
-    findings = _check_objects(task, episode.instruction, upload.object_names, given, _acts_at_m(motion))
+    _check_objects(task, episode.instruction, upload.object_names, given, _acts_at_m(motion))
     names = tuple(dict.fromkeys((*(task.object_names or ()), *upload.object_names)))
     settings.check_models(names)
     frames_of(episode.instruction, Lexicon(names, settings.aliases, [episode.instruction]))
-    return CheckedUpload(settings, motion, names, findings)
+    return CheckedUpload(settings, motion, names)
 
 
 def _check_objects(
     task: StoredTask, instruction: str, sent: Sequence[str], given: Sequence[ObjectPose], acts_m: Array
-) -> tuple[Finding, ...]:
-    """Refuse an episode whose objects differ from the task's where the difference matters; report it otherwise.
+) -> None:
+    """Refuse an episode whose objects differ from the task's where the difference matters.
 
     An object matters if prompts have rows relative to it, the instruction names it, or the hand acts on it.
 
@@ -187,21 +179,17 @@ def _check_objects(
         ObjectSetError: naming the missing objects, or the new ones that matter.
     """
     if task.object_names is None:
-        return ()
+        return
     names = list(task.object_names)
-    if task.recordings is None:
+    if task.skills is None:
         check_object_names(sent, names)
-        return ()
+        return
     named = frozenset(Order(instruction, tuple(dict.fromkeys((*names, *sent)))).objects)
-    taught = Taught(Demonstrations.of(task.recordings).only(names).recorded)
-    # Two demonstrations do not show which objects rows follow; but no row can follow an object that an episode lacks.
-    many = len(task.recordings) >= MIN_AGREEING
-    check_object_names(sent, names, named | (taught.needed if many else taught.decisive))
+    check_object_names(sent, names, named | task.skills.needed)
     new = [name for name in sent if name not in names]
     matter = {name for name in new if name in named or _is_acted_on(name, given, acts_m)}
     if matter:
         raise ObjectSetError("objects", f"not of this task: {', '.join(sorted(matter))}", ", ".join(names))
-    return other_objects([name for name in names if name not in sent], new)
 
 
 def _is_acted_on(name: str, given: Sequence[ObjectPose], acts_m: Array) -> bool:

@@ -76,6 +76,7 @@ def episode_page(request: Request, services: Wired, episode_id: str, applied: bo
         "episode.html",
         episode=recording.record,
         document=episode_document(recording.record, recording.settings),
+        doubts=services.known.doubts(recording.task.name),
         settings=recording.settings,
         without_arm=why_without_arm(recording.motion.trajectory, recording.settings),
         duration_s=float(recording.motion.times_s[-1]),

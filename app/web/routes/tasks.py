@@ -11,6 +11,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request
 from starlette.responses import Response
 
+from app.api.check_document import check_document
 from app.api.frames import decoded
 from app.api.routes import Wired
 from app.api.schemas.lists import EpisodesQuery
@@ -109,8 +110,8 @@ def task_page(request: Request, services: Wired, name: str, applied: bool = Fals
 
 @router.get("/ui/tasks/{name}/check")
 async def check_page(request: Request, services: Wired, name: str) -> Response:
-    """Each demonstration, predicted from the others."""
-    return render(request, "check.html", checked=await services.check_task(name))
+    """What demonstrations share, and each held against the others."""
+    return render(request, "check.html", checked=check_document(await services.check_task(name)))
 
 
 class _Listed(FormQuery, EpisodesQuery):

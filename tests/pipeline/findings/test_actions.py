@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from app.pipeline.errors import UnsupportedActionError
 from app.pipeline.findings.actions import ActionDoubt, action_findings, passing_findings
 from app.pipeline.findings.demonstrated_scenes import ShownScenes
+
+from app.pipeline.errors import UnsupportedActionError
 
 from ..scenes import action, demonstration, pose
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from app.pipeline.findings.demonstrated_scenes import ShownScenes, arrangement_findings
 
 from app.pipeline.episode import Query
-from app.pipeline.findings.demonstrated_scenes import ShownScenes, arrangement_findings
 from tests.pipeline.scenes import demonstration, pose, rotated
 
 WORDS = "press here"

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from app.pipeline.findings.recording import contact_findings
+
 from app.pipeline.keyframes import Motion
 from roboprompt_client.errors import InvalidInputError
 

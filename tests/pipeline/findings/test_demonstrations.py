@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.hand import Kept
 from app.pipeline.findings.outliers import gripper_outlier_findings
 from app.pipeline.findings.path_kept import kept, missed_m, path_findings
+
 from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
 from app.pipeline.plans import agreeing, aligned_by_plan

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter1d
-
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.hand import Kept, RecordedHand
 from app.pipeline.findings.path_kept import kept
+from scipy.ndimage import uniform_filter1d
+
 from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
 from app.pipeline.plans import aligned_by_plan

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-
 from app.pipeline.findings.quaternion_order import (
     check_objects_order,
     objects_order_findings,
     tilted_about_x,
 )
+from scipy.spatial.transform import Rotation
+
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.poses import ObjectPose
 from tests.pipeline.scenes import action, demonstration

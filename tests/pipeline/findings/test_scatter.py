@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-
 from app.pipeline.findings.outliers import prompt_findings
 from app.pipeline.findings.scatter import scatter_findings
+from scipy.spatial.transform import Rotation
+
 from app.pipeline.plans.support import Support
 from tests.pipeline.scenes import action, demonstration, pose, rotated
 

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-
-from app.pipeline.episode import Query
 from app.pipeline.findings.demonstrated_scenes import ShownScenes
 from app.pipeline.findings.places import ShownPlaces, estimated_error_m
 from app.pipeline.findings.scene import scene_findings
+from scipy.spatial.transform import Rotation
+
+from app.pipeline.episode import Query
 from app.pipeline.noise import disturbed
 from tests.pipeline.scenes import demonstration, pose, rotated
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
+from app.pipeline.findings.frames import Compared
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.findings.frames import Compared
 from roboprompt_client.types.poses import ObjectPose
 
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-
 from app.pipeline.findings.demonstrated_scenes import ShownScenes
 from app.pipeline.findings.frames import frame_findings, held_findings, start_findings
 from app.pipeline.findings.hand import Kept, RecordedHand
+from scipy.spatial.transform import Rotation
+
 from roboprompt_client.types.poses import Pose
 from tests.pipeline.findings.test_implausible import changed, frames, put
 from tests.pipeline.scenes import action, demonstration, pose

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from app.pipeline.findings.demonstrations import Taught
 
 from app.pipeline.episode import Demonstration
-from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from app.pipeline.order.order import Order
 from app.pipeline.plans import aligned_by_plan

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from app.pipeline.findings.units import check_recording, unit_findings
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.findings.units import check_recording, unit_findings
 from app.pipeline.keyframes import Motion
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import Camera

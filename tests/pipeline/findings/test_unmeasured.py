@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.unmeasured import unmeasured_findings
+
 from roboprompt_client.types import quaternions
 from tests.pipeline.scenes import action, demonstration, pose, rotated
 

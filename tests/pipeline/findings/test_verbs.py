@@ -1,8 +1,8 @@
 """Instructions that no rule about verbs can compare with a recording."""
 
 import pytest
-
 from app.pipeline.findings.recording import verb_findings
+
 from app.pipeline.order.order import Order
 
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from app.pipeline.findings.several_ways import ways_findings
+
 from tests.pipeline.scenes import action, demonstration, pose
 
 WORDS = "turn the tap"

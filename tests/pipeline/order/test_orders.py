@@ -3,9 +3,9 @@
 import pytest
 
 from app.pipeline.errors import UnfamiliarInstructionError, UngroundedInstructionError
-from app.pipeline.findings.roles import Stranger, strangers
 from app.pipeline.order.order import Order
 from app.pipeline.order.reading import read
+from app.pipeline.order.roles import Stranger, strangers
 from app.pipeline.order.taught import TaughtWords
 
 TASKS = {

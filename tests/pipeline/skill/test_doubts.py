@@ -50,14 +50,12 @@ def test_a_strange_scene_is_noticed_from_two_demonstrations_on(skill, strange):
     assert dangers(skill, strange)
 
 
-def test_a_surprise_names_object_coordinate_value_range_and_remedy(skill):
-    doubt = next(doubt for doubt in skill.of_scene(placed(higher(CUP, 0.06))) if doubt.danger)
-    assert doubt.surprise.value == pytest.approx(0.88, abs=0.07)
-    assert "demonstrations have" in doubt.message
-    assert "check" in doubt.message
-    assert any(
-        d.surprise.about == "cup" and d.surprise.coordinate == "z" for d in skill.of_scene(placed(higher(CUP, 0.06)))
-    )
+def test_one_doubt_names_object_coordinate_value_range_and_remedy(skill):
+    (doubt,) = [doubt for doubt in skill.of_scene(placed(higher(CUP, 0.06))) if doubt.danger]
+    assert doubt.where == "objects[cup]"
+    assert doubt.message.startswith("cup: height is 0.880 m, demonstrations have 0.8")
+    assert "check its pose" in doubt.message
+    assert doubt.numbers["low"] < 0.82 < doubt.numbers["high"] < doubt.numbers["value"] == pytest.approx(0.88)
 
 
 def test_the_one_demonstration_that_was_changed_is_named():
@@ -74,7 +72,7 @@ def changed(change, number=10):
 
 def test_quaternions_with_w_first_are_named():
     found = changed(lambda n, objects, stops: (objects, [(p, q[[3, 0, 1, 2]], o) for p, q, o in stops]))
-    assert "quaternion-order" in found
+    assert "another-convention" in found
 
 
 def test_a_turned_base_is_named():
@@ -82,12 +80,12 @@ def test_a_turned_base_is_named():
     found = changed(
         lambda n, objects, stops: (objects, [(turns.rotated(z, p), turns.product(z, q), o) for p, q, o in stops])
     )
-    assert "hand-in-another-frame" in found
+    assert "another-convention" in found
 
 
 def test_an_inverted_gripper_is_named():
     found = changed(lambda n, objects, stops: (objects, [(p, q, not o) for p, q, o in stops]))
-    assert "gripper-inverted" in found
+    assert "another-convention" in found
 
 
 def test_exchanged_names_are_noticed():
@@ -95,7 +93,7 @@ def test_exchanged_names_are_noticed():
         cup, coaster = objects
         return (replace(coaster, name="cup"), replace(cup, name="coaster")), stops
 
-    assert changed(exchanged) & {"names-exchanged", "other-object", "unexpected-events"}
+    assert changed(exchanged) & {"names-exchanged", "unlike-words"}
 
 
 def test_a_goal_that_is_not_the_one_of_the_words_is_noticed():
@@ -104,12 +102,12 @@ def test_a_goal_that_is_not_the_one_of_the_words_is_noticed():
         plate = posed("plate", (random.uniform(-0.5, -0.1), random.uniform(-0.3, 0.3), 0.8))
         return (*objects, plate), stops_of(objects[0], plate)
 
-    assert changed(to_plate) & {"other-object", "unexpected-events"}
+    assert "unlike-words" in changed(to_plate)
 
 
 def test_a_missing_grasp_is_noticed():
     found = changed(lambda n, objects, stops: (objects, [(p, q, True) for p, q, _ in stops]))
-    assert "unexpected-events" in found
+    assert "unlike-words" in found
 
 
 def test_rotations_that_follow_what_is_not_measured_are_too_uncertain_to_act():

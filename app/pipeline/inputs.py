@@ -1,11 +1,11 @@
 """Refuses recordings without motion and numbers in other units, naming the likely cause."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
-from app.pipeline.findings import Finding
-from app.pipeline.findings.quaternion_order import check_hand_order, check_objects_order, tilted_about_x
 from app.pipeline.keyframes import Motion
 from app.pipeline.workspace import Workspace
 from roboprompt_client.errors import InvalidInputError
@@ -18,7 +18,6 @@ from roboprompt_client.types.trajectory import Trajectory
 MAX_MOTION_M = 3.0  # along an axis: no arm on a table reaches farther
 MAX_AWAY_M = 3.0  # the distance of an object from the hand's path
 MAX_CAMERA_M = 20.0  # from the hand
-NEAR_OBJECT_M = 0.3  # the farthest in correct recordings was 0.07 m, from a door's hinge
 FEW_FRAMES = 5
 MANY_FRAMES, MAX_FRAME_S = 20, 5.0  # no recording has this many frames this far apart
 MAX_TRACK_M = 0.1  # between an object's pose and its track at the first frame: many times an estimator's error
@@ -30,6 +29,14 @@ MIN_JOINT_RAD_S = 0.05  # below this a rate from positions is mostly noise
 MAX_RATE_RATIO = 20.0  # of joint velocities to the derivative of joint positions: 57 if they are in degrees
 MIN_HAND_M_PER_RAD = 0.02  # the least motion of the hand for a joint's turn
 MAX_JOINT_RAD = 4 * np.pi
+# Quaternions with w first: a rotation about the vertical is then read as one about the x axis
+UPRIGHT_DEG = 5.0
+OFF_UPRIGHT_DEG = 20.0
+DOWN_DEG = 10.0
+APPROACH_M = 0.05  # before a grasp or release the hand moves along its own z axis
+ALONG_DEG, ACROSS_DEG = 25.0, 60.0
+ONE_TILT_DEG = 5.0  # tilts that differ by less are one
+UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
 UNITS_PER_M = {"millimeters": 1000.0, "centimeters": 100.0}
 
 
@@ -47,31 +54,6 @@ def check_recording(motion: Motion, objects: Sequence[ObjectPose], cameras: Sequ
     _check_joints(motion)
     check_objects_order(objects)
     check_hand_order(motion)
-
-
-def unit_findings(trajectory: Trajectory, objects: Sequence[ObjectPose]) -> Iterator[Finding]:
-    """Yield findings about units, frames and rates that are probably wrong, but may be meant."""
-    if len(trajectory) < FEW_FRAMES:
-        message = f"The recording has only {len(trajectory)} frames. Record at a higher rate."
-        numbers = {"num_frames": len(trajectory)}
-        yield Finding("few-frames", "warning", message, "trajectory", numbers)
-    if tilted := tilted_about_x(objects):
-        message = (
-            f"By its quaternion {', '.join(tilted)} is tilted about the x axis, and upright if w comes first. If it"
-            " stands upright, send quaternions in the order x y z w."
-        )
-        where = f"objects[{tilted[0]}].quaternion_xyzw"
-        yield Finding("tilted-about-x", "warning", message, where, {"num_objects": len(tilted)})
-    away_m = {
-        pose.name: float(np.linalg.norm(trajectory.positions_m - pose.position_m, axis=1).min()) for pose in objects
-    }
-    if away_m and min(away_m.values()) > NEAR_OBJECT_M:
-        name = min(away_m, key=lambda name: away_m[name])
-        message = (
-            f"The hand stays {away_m[name]:.2f} m or more away from every object (nearest: {name}). Give the positions"
-            " of hand and objects in one frame, not one in the robot's base and the other in the world."
-        )
-        yield Finding("far-from-objects", "warning", message, f"objects[{name}].position", {"away_m": away_m[name]})
 
 
 def check_scene_units(objects: Sequence[ObjectPose], workspace: Workspace) -> None:
@@ -187,3 +169,97 @@ def _beyond_positions(motion: Motion) -> bool:
 
 def _likely(extent: float) -> str:
     return "millimeters" if extent > 100 * MAX_MOTION_M / 3 else "centimeters or millimeters"
+
+
+def check_hand_order(motion: Motion) -> None:
+    """Refuse a hand that would point straight down, or along its way to each grasp, if w came first.
+
+    Raises:
+        InvalidInputError: naming the field.
+    """
+    _check_approaches(motion)
+    quaternions = motion.trajectory.quaternions_xyzw
+    as_read, as_meant = _off_way_deg(quaternions, DOWN), _off_way_deg(_w_first(quaternions), DOWN)
+    turns = np.abs(quaternions @ quaternions[0]).min() < np.cos(np.radians(DOWN_DEG / 2))
+    if turns and as_meant.max() < DOWN_DEG and as_read.max() > OFF_UPRIGHT_DEG:
+        message = "are a hand that points straight down only if w comes first"
+        raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
+
+
+def _check_approaches(motion: Motion) -> None:
+    """Refuse a hand that would move along its own z axis before each grasp and release if w came first.
+
+    A hand that points down as given may move sideways before it closes, to push. No hand grasps pointing up.
+    """
+    positions_m, frames = motion.trajectory.positions_m, [switch.frame for switch in motion.switches]
+    ways = [(frame, way_m) for frame in frames if (way_m := _approach(positions_m[: frame + 1])) is not None]
+    if not ways:
+        return
+    quaternions = motion.trajectory.quaternions_xyzw[[frame for frame, _ in ways]]
+    directions = np.array([way_m for _, way_m in ways])
+    as_read, as_meant = (_off_way_deg(q, directions) for q in (quaternions, _w_first(quaternions)))
+    may_be_right = _off_way_deg(quaternions, DOWN).max() < OFF_UPRIGHT_DEG
+    points_up = _off_way_deg(_w_first(quaternions), UP).min() < ACROSS_DEG
+    if not (may_be_right or points_up) and as_read.min() > ACROSS_DEG and as_meant.max() < ALONG_DEG:
+        message = "are a hand that moves the way it points before it grasps only if w comes first"
+        raise InvalidInputError("trajectory.end_effector_quaternions_xyzw", message, "order x y z w")
+
+
+def _approach(positions_m: Array) -> Array | None:
+    """Return (3,) the last `APPROACH_M` of a path; None if it is shorter."""
+    away_m = np.linalg.norm(positions_m - positions_m[-1], axis=1)
+    before = np.flatnonzero(away_m >= APPROACH_M)
+    if not len(before):
+        return None
+    way_m: Array = positions_m[-1] - positions_m[before[-1]]
+    return way_m
+
+
+def _off_way_deg(quaternions_xyzw: Array, ways_m: Array) -> Array:
+    """Return (N,) angles between the rotations' z axes and directions (N, 3), or one direction (3,)."""
+    axes = Rotation.from_quat(quaternions_xyzw).apply([0.0, 0.0, 1.0])
+    along = (axes * ways_m).sum(axis=1) / np.linalg.norm(ways_m, axis=-1)
+    angles: Array = np.degrees(np.arccos(np.clip(along, -1, 1)))
+    return angles
+
+
+def check_objects_order(objects: Sequence[ObjectPose]) -> None:
+    """Refuse objects that are all upright only if w comes first, several of them inclined at different angles.
+
+    A single object may well lie on its side, stand on its head or be inclined about the x axis.
+
+    Raises:
+        InvalidInputError: naming the object.
+    """
+    turned, quaternions = _turned(objects)
+    tilts_deg = _off_way_deg(quaternions, UP)
+    inclined = _is_inclined(tilts_deg)
+    if _upright_if_w_first(quaternions).all() and inclined.any() and np.ptp(tilts_deg[inclined]) > ONE_TILT_DEG:
+        place = int(np.argmax(tilts_deg * inclined))
+        message = f"is {quaternions[place].round(4).tolist()}: upright only if w comes first"
+        raise InvalidInputError(f"objects[{turned[place].name}].quaternion_xyzw", message, "order x y z w")
+
+
+def _turned(objects: Sequence[ObjectPose]) -> tuple[list[ObjectPose], Array]:
+    """Return the N objects whose rotations are known, and these (N, 4)."""
+    known = [pose for pose in objects if pose.quaternion_xyzw is not None]
+    return known, np.array([pose.quaternion_xyzw for pose in known]).reshape(-1, 4)
+
+
+def _is_inclined(tilts_deg: Array) -> npt.NDArray[np.bool_]:
+    """Return (N,) bool: tilted, but neither lying on a side nor upside down."""
+    inclined: npt.NDArray[np.bool_] = (tilts_deg > OFF_UPRIGHT_DEG) & (
+        np.abs((tilts_deg + 45) % 90 - 45) > ONE_TILT_DEG
+    )
+    return inclined
+
+
+def _upright_if_w_first(quaternions: Array) -> npt.NDArray[np.bool_]:
+    """Return (N,) bool of quaternions (N, 4)."""
+    upright: npt.NDArray[np.bool_] = _off_way_deg(_w_first(quaternions), UP) < UPRIGHT_DEG
+    return upright
+
+
+def _w_first(quaternions: Array) -> Array:
+    """Return quaternions (N, 4) as they are meant if w comes first."""
+    return np.roll(quaternions, -1, axis=1)
