@@ -22,6 +22,7 @@ def test_upload_answers_with_keyframes_bins_and_texts(http):
     assert episode["keyframes"][1]["bins"] == [42, 57, 18, 0, 36, 36, 0]
     assert episode["observation_text"] == "{'cube': [42, 57, 18], 'pick up the cube'}>"
     assert episode["actions_text"].startswith("[[42, 57, 28, 0, 36, 36, 1], [42, 57, 18, 0, 36, 36, 0]")
+    assert [finding["code"] for finding in episode.pop("findings")] == ["few-demonstrations"]
     assert http.get(f"/episodes/{episode['id']}").json() == episode
 
 

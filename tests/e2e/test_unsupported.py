@@ -44,7 +44,7 @@ def test_an_unsupported_action_is_refused_and_recorded(far):
     assert (stored["status"], stored["actions"]) == ("unsupported", None)
     assert stored["reply_text"] == problem["reply_text"] == FAR
     (reason,) = [finding for finding in stored["findings"] if finding["severity"] == "danger"]
-    assert (reason["code"], reason["where"]) == ("unsupported-action", "actions")
+    assert (reason["code"], reason["where"]) == ("no-actions", "actions")
     assert "is 10." in reason["message"]
 
 

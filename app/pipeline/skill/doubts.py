@@ -264,9 +264,10 @@ def _events(plans: Sequence[Plan], recordings: Sequence[Recording]) -> Iterator[
             said[" and ".join(fault.name for fault in found)] += 1
             turned = sum(fault.nats for fault in script.faults(item, inverted=True)) - nats[-1]
             inverted, gain = inverted + (turned > -least / 2), gain + turned
-    if 2 * inverted > len(recordings):
-        message = "the gripper is probably inverted in all demonstrations: send 1 where it is open"
-        yield finding("another-convention", float(np.exp(-gain)), message, "demonstrations")
+    turned_over = "the gripper is probably inverted in all demonstrations: send 1 where it is open"
+    cause = finding("another-convention", float(np.exp(-gain)), turned_over, "demonstrations")
+    if 2 * inverted > len(recordings) and cause.danger:
+        yield cause
     elif total := sum(said.values()):
         what, _ = said.most_common(1)[0]
         message = f"{total} of {len(recordings)} demonstrations: the gripper or the hand {what}, unlike what words ask"
@@ -319,7 +320,9 @@ def _clock(plan: Plan) -> Iterator[Finding]:
     best = int(np.argmax(gains))
     if gains[best] > CLOCK:
         said = f"the gripper fits the motion better {SHIFTS_S[best]:+.1f} s later: send it by the clock of the poses"
-        yield finding("another-convention", float(np.exp(-gains[best] * len(pairs))), said, "demonstrations")
+        cause = finding("another-convention", float(np.exp(-gains[best] * len(pairs))), said, "demonstrations")
+        if cause.danger:
+            yield cause
 
 
 def _excused(plan: Plan) -> set[str]:

@@ -24,11 +24,12 @@ def of_objects(known: Known) -> Iterator[Finding]:
         )
         yield finding("unusual-scene", 1.0, message, "objects", missing=len(known.absent), new=len(new))
     for pose in known.observed:
-        if pose.confidence < 1 or pose.reason:
-            reason = f": {pose.reason}" if pose.reason else ""
-            message = f"The pose of {pose.name} is uncertain ({pose.estimator}){reason}. Compare it with the picture."
-            yield finding("uncertain-pose", pose.confidence, message, f"objects[{pose.name}]")
-        if (other := _other_source(pose, known)) is not None:
+        reason = f": {pose.reason}" if pose.reason else ""
+        message = f"The pose of {pose.name} is uncertain ({pose.estimator}){reason}. Compare it with the picture."
+        unsure = finding("uncertain-pose", pose.confidence, message, f"objects[{pose.name}]")
+        if reason or unsure.severity != "info":
+            yield unsure
+        if pose.name in known.skills.needed and (other := _other_source(pose, known)) is not None:
             yield other
 
 
