@@ -118,9 +118,19 @@ def doubts_before(question: Question) -> tuple[Finding, ...]:
         *doubts.of_objects(known),
         *doubts.of_words(question.grounded, known.shown.instructions),
         *_parts(question),
-        *known.skills.of_orders(part.order for part in question.parts),
+        *_of_demonstrations(question),
         *known.skills.of_scene(question.as_observed),
     )
+
+
+def _of_demonstrations(question: Question) -> tuple[Finding, ...]:
+    """Return the doubts that uploads and checks have, too, and those that come where nobody tells the hand's start."""
+    skills, orders = question.known.skills, [part.order for part in question.parts]
+    said = skills.of_orders(orders)
+    if question.request.end_effector is not None:
+        return said
+    codes = {one.code for one in said}
+    return (*said, *(one for one in skills.without_start.of_orders(orders) if one.danger and one.code not in codes))
 
 
 def _parts(question: Question) -> Iterator[Finding]:
