@@ -120,7 +120,8 @@ def _off(task: TaskReading, record: PredictionRecord) -> tuple[Off, ...]:
         return ()
     observed = tuple(item.pose() for item in record.objects)
     asked = Query(str(record.grounding["instruction"]), observed, start=start_at(_hand(record)))
-    return task.skills.off(asked, _actions(record))
+    skills = task.skills if asked.start is not None else task.skills.without_start
+    return skills.off(asked, _actions(record))
 
 
 def _actions(record: PredictionRecord) -> list[EndEffectorAction]:
