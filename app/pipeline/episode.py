@@ -84,27 +84,10 @@ class Query:
 
 @dataclass(frozen=True, eq=False)
 class Demonstration(Query):
-    """An episode as a prompt uses it: the objects' poses at its first frame and the actions at its keyframes.
-
-    Attributes:
-        plan: demonstrations of equal plans and like instructions have the same rows, see
-            `app.pipeline.plans`; None: the keyframes are as they were found.
-    """
+    """An episode as a prompt uses it: the objects' poses at its first frame and the actions at its keyframes."""
 
     actions: tuple[EndEffectorAction, ...]
     id: str = ""
-    plan: int | None = None
-
-    @property
-    def switches(self) -> tuple[int, ...]:
-        """The actions in which the gripper opens or closes."""
-        states = [action.gripper_open for action in self.actions]
-        return tuple(k for k in range(1, len(states)) if states[k] != states[k - 1])
-
-    @property
-    def kind(self) -> tuple[str, int | None, int]:
-        """Equal for demonstrations with the same rows: what they ask for, their plan and number of actions."""
-        return self.order.form, self.plan, len(self.actions)
 
     def only(self, names: Collection[str]) -> "Demonstration":
         """The demonstration with only those of its objects that have these names."""

@@ -3,11 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import Motion, find_keyframes
 from app.pipeline.representation import fit_codec
 from app.pipeline.representation.base import REPRESENTATIONS, usual_format
-from app.pipeline.skill.shown import shown_as_they_are
+from app.pipeline.skill.shown import Shown
 from app.pipeline.spans import Span, prompt_spans
 from app.pipeline.workspace import DiscreteAction, discretize_actions
 from app.services.setting_parts import KeyframeSettings
@@ -116,7 +115,7 @@ class EpisodeText:
 
 
 def episode_texts(
-    demonstrations: Sequence[Demonstration],
+    written: Sequence[Shown],
     shown: int,
     settings: TaskSettings,
     usual_representation: str,
@@ -125,10 +124,10 @@ def episode_texts(
     """One of the demonstrations of a prompt in each representation, the usual first.
 
     Args:
-        demonstrations: as the prompt shows them.
-        shown: which of the demonstrations, all of which the representations are fitted to.
+        written: the demonstrations as the prompt shows them.
+        shown: which of them.
     """
-    texts, written = [], shown_as_they_are(demonstrations)
+    texts = []
     for name in sorted(REPRESENTATIONS, key=lambda name: name != usual_representation):
         usual = name == usual_representation
         prompt_format = format_asked if usual else usual_format(name, format_asked)

@@ -11,13 +11,13 @@ import numpy.typing as npt
 
 from app.pipeline.episode import CONTROL_FREQUENCY_HZ, frame_times_s
 from app.pipeline.keyframes.path import TOLERANCE_M, HandPath
-from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types import quaternions
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.trajectory import Trajectory
 
 Manner = Literal["rests", "hesitates", "flows"]  # how a recording moves: `resting.manner_of`
 
+M_PER_RAD = 0.06  # 10 degrees of rotation weigh as much as 1 cm of position
 BLIP_S = 0.1  # fingers need longer to close on something
 FLICKERS_S = 0.3  # fingers do not open and close again as fast
 # The hand is slowest where it grasps or lets go. Fingers that are recorded a moment before (a command) or after (they

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from app.pipeline.keyframes.motion import M_PER_RAD
 from app.pipeline.keyframes.path import TOLERANCE_DEG, TOLERANCE_M
 from app.pipeline.skill import turns
 from app.pipeline.skill.alike import Turned, as_shown, turned_alike
@@ -16,7 +17,6 @@ from app.pipeline.skill.recording import Costs, Recording, Rows, aligned, at_key
 from app.pipeline.skill.rows import Row, placed
 from app.pipeline.skill.scene import Scene
 from app.pipeline.skill.ways import LEAST, Condition, split, told_apart
-from app.pipeline.thresholds import M_PER_RAD
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 

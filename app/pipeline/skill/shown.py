@@ -24,6 +24,11 @@ class Shown:
     demonstration: Demonstration
     rows: tuple[Row, ...]
 
+    @property
+    def id(self) -> str:
+        """The demonstration's."""
+        return self.demonstration.id
+
 
 def shown_of(plan: Plan) -> Iterator[Shown]:
     """Yield the recordings of a plan; actions are those of its rows, or as they were where a rule gives the keyframes.

@@ -126,7 +126,7 @@ class KnownReader:
             task.skills,
             task.sources,
             observed,
-            objects=task.folded(observed),
+            objects=kept.settings.canonical(observed),
             absent=tuple(name for name in names if name not in poses),
             bystanders=kept.settings.canonical(pose for name, pose in poses.items() if name not in names),
         )

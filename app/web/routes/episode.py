@@ -16,6 +16,7 @@ from app.api.routes import Wired
 from app.llm.base import LanguageModelError
 from app.pipeline.keyframes import Motion, RuleName
 from app.pipeline.representation.base import usual_format
+from app.pipeline.skill.shown import shown_of
 from app.services.container import Services
 from app.services.extract import read_episode
 from app.services.setting_parts import KeyframeSettings
@@ -138,8 +139,10 @@ def _texts(services: Services, recording: _Recording) -> tuple[tuple[EpisodeText
         ids.append(record.id)
     representation, prompt_format, whose = _usual_style(services, settings)
     with services.known.reading(record.task) as task:
-        demonstrations = task.demonstrations(tuple(ids)).shown
-    texts = episode_texts(demonstrations, ids.index(record.id), settings, representation, prompt_format)
+        skills = task.skills_of(tuple(ids))
+        plans = [plan for form in skills.forms for plan in skills.of_form(form).plans]
+    written = sorted((item for plan in plans for item in shown_of(plan)), key=lambda item: ids.index(item.id))
+    texts = episode_texts(written, ids.index(record.id), settings, representation, prompt_format)
     return texts, f"{where} {whose}"
 
 
