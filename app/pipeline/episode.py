@@ -20,7 +20,6 @@ from roboprompt_client.types.trajectory import Trajectory
 
 MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 0.01, 100_000.0  # slower than any recorder, and faster
 CONTROL_FREQUENCY_HZ = 20.0  # of RLBench's demonstrations
-COMMANDED = "commanded_positions"  # in `Episode.extra`: where the hand was sent, (T, 3) m, world frame
 
 
 @dataclass(frozen=True, eq=False)

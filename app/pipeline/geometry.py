@@ -61,19 +61,6 @@ def canonical_rotation(rotation: Rotation, yaw_symmetry_deg: float, toward_rad: 
     return rotation * Rotation.from_euler("z", turns_rad[nearest])
 
 
-def least_apart_rad(first: Rotation, second: Rotation, yaw_symmetry_deg: float) -> Array:
-    """(N, M) angles between N and M hands seen from an object, by the turns that leave it unchanged.
-
-    Args:
-        yaw_symmetry_deg: the least such turn about its z axis; 360 for none.
-    """
-    turns = (Rotation.from_euler("z", turn_deg, degrees=True) for turn_deg in np.arange(0, 360, yaw_symmetry_deg))
-    one_xyzw = np.atleast_2d(first.as_quat())
-    alike = [np.abs(one_xyzw @ np.atleast_2d((turn * second).as_quat()).T) for turn in turns]
-    angles: Array = 2 * np.arccos(np.minimum(np.max(alike, axis=0), 1))
-    return angles
-
-
 def rigid(position_m: npt.ArrayLike, quaternion_xyzw: npt.ArrayLike) -> Array:
     """The (4, 4) transform from a frame with this pose to the frame in which the pose is given."""
     transform: Array = np.eye(4)

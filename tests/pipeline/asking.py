@@ -3,7 +3,10 @@
 from app.pipeline.episode import Query
 from app.pipeline.reply import ReplyReader
 from app.pipeline.representation import fit_codec
-from app.pipeline.skill.shown import shown_as_they_are
+from app.pipeline.skill.choice import choose
+from app.pipeline.skill.recording import at_keyframes
+from app.pipeline.skill.scene import Scene
+from app.pipeline.skill.shown import Shown
 from tests.pipeline.scenes import WORKSPACE
 
 
@@ -25,3 +28,14 @@ def parse_reply(reply_text, codec, objects, instruction, max_actions=25):
 def codec_of(representation, prompt_format, demonstrations, workspace=WORKSPACE):
     """The codec of demonstrations as they are."""
     return fit_codec(representation, prompt_format, shown_as_they_are(demonstrations), workspace)
+
+
+def shown_as_they_are(demonstrations):
+    """Demonstrations without their motion, each with the rows that those of its kind share."""
+    rows, kinds = {}, [(item.order.form, tuple(a.gripper_open for a in item.actions)) for item in demonstrations]
+    for kind in dict.fromkeys(kinds):
+        places = [place for place, own in enumerate(kinds) if own == kind]
+        alike = [demonstrations[place] for place in places]
+        fitted = choose(at_keyframes(alike, [Scene.of(item) for item in alike])) if alike[0].actions else ()
+        rows.update(dict.fromkeys(places, fitted))
+    return [Shown(item, rows[place]) for place, item in enumerate(demonstrations)]

@@ -49,7 +49,7 @@ def test_symmetric_objects_are_answered_and_stored_as_they_were_observed(nearest
     sent = cube((0.35, -0.1, 0.02), SEEN_DEG)
     prediction = asyncio.run(nearest.predict_actions(PredictRequest("lift", "lift the cube", sent)))
 
-    (turned,) = prediction.reply.question.seen.objects
+    (turned,) = prediction.reply.question.parts[0].objects
     assert np.allclose(Rotation.from_quat(turned.quaternion_xyzw).as_euler("zyx", degrees=True)[0], 10)
     (answered,) = prediction_document(prediction)["objects"]
     with nearest.store.read() as connection:

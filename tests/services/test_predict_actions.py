@@ -8,7 +8,7 @@ from app.llm.computed import SCRIPTED
 from app.perception.base import ObjectQuery
 from app.services.errors import RefusedReplyError
 from app.services.predict import demonstrations
-from app.services.predict.demonstrations import recordings_of
+from app.services.predict.demonstrations import skills_of
 from app.services.predict.request import PredictOptions, PredictRequest
 from app.store import predictions
 from tests.services.conftest import ONE_ACTION, with_options
@@ -87,7 +87,7 @@ def test_template_is_made_once_per_task_version(taught):
 def test_recordings_are_read_once_per_task_version(taught, monkeypatch):
     """Though a prompt shows them and an answer is held against them."""
     services, read = taught(ONE_ACTION), []
-    monkeypatch.setattr(demonstrations, "recordings_of", lambda *given: read.append(given) or recordings_of(*given))
+    monkeypatch.setattr(demonstrations, "skills_of", lambda *given: read.append(given) or skills_of(*given))
     for _ in range(2):
         prefix(services)
     assert len(read) == 1

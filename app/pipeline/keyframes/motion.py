@@ -19,7 +19,6 @@ Manner = Literal["rests", "hesitates", "flows"]  # how a recording moves: `resti
 
 M_PER_RAD = 0.06  # 10 degrees of rotation weigh as much as 1 cm of position
 BLIP_S = 0.1  # fingers need longer to close on something
-FLICKERS_S = 0.3  # fingers do not open and close again as fast
 # The hand is slowest where it grasps or lets go. Fingers that are recorded a moment before (a command) or after (they
 # close on something that is dragged along) are looked for there, in time and space this near.
 SETTLES_WITHIN_S = 0.35

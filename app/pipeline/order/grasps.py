@@ -4,7 +4,7 @@ import re
 
 from app.pipeline.order.forms import BASE_VERBS
 from app.pipeline.order.order import Order, verb_of
-from app.pipeline.order.verbs import CARRYING, PUTTING, SHIFTING, TAKING
+from app.pipeline.order.verbs import CARRYING, PUTTING, TAKING
 from app.pipeline.order.vocabulary import DETERMINERS, SHORT_PREPOSITIONS
 
 _DETERMINER = rf"(?:{'|'.join(DETERMINERS)}) "
@@ -38,13 +38,6 @@ def taken(order: Order) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found)) if order.clauses[0].verb in TAKING | PUTTING else ()
 
 
-def shifts_something(order: Order) -> bool:
-    """Return whether an instruction says to move one object to another."""
-    clause = order.clauses[0]
-    match = _DIRECT_OBJECT.search(clause.form)
-    return bool(match and BASE_VERBS.get(match["verb"]) in SHIFTING and len(clause.objects) > 1)
-
-
 def puts_down(order: Order) -> bool:
     """Return whether an instruction says to let something go."""
     carried = [part for clause in order.clauses for part in clause.parts if verb_of(part) in CARRYING]
@@ -63,8 +56,3 @@ def put_to(order: Order) -> tuple[str, ...]:
                 puts = verb in CARRYING | PUTTING
             found += [clause.objects[int(match["place"])] for match in _INTO.finditer(part) if puts]
     return tuple(dict.fromkeys(found))
-
-
-def goes_somewhere(order: Order) -> bool:
-    """Return whether an instruction says where to take something."""
-    return bool(_SOMEWHERE.search(order.form))

@@ -104,11 +104,6 @@ class Order:
         """The verbs of its clauses, and of their parts."""
         return tuple(verb_of(part) for clause in self.clauses for part in clause.parts)
 
-    @property
-    def has_known_verb(self) -> bool:
-        """Whether it has a verb of manipulation that is known."""
-        return not BASE_VERBS.keys().isdisjoint(self.verbs)
-
     @cached_property
     def objects(self) -> tuple[str, ...]:
         """The names of the objects that it mentions, by their first mention."""

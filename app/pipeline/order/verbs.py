@@ -81,7 +81,6 @@ IRREGULAR = {
 CONTAINING = frozenset({"open", "open up", "close", "shut"})  # "put the mug in the drawer and close it": the drawer
 TOGETHER = frozenset({"stack", "stack up", "pile"})  # "stack A and B on C" does not say that B stands on C
 # First words of verbs, by what recorded hands do
-PRESSING = frozenset({"push", "press", "tap", "hit", "poke", "click", "depress"})
 TAKING = frozenset({"pick", "grasp", "grab", "grip", "take", "lift", "get", "remove", "destack", "unstack"})
 FETCHING = frozenset({"get", "take", "remove"})  # of `TAKING`, what does not say that the hand lifts
 HOLDING = frozenset({"grasp", "grab", "grip", "hold", "squeeze", "pinch"})  # done once fingers are closed

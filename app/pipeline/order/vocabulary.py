@@ -166,7 +166,6 @@ COUNTED_FROM = {
     "above": "top", "below": "bottom", "highest": "top", "lowest": "bottom",
 }  # fmt: skip
 REACHES = {"closest": "near", "nearest": "near", "farthest": "far", "furthest": "far"}
-PLACE_WORDS = frozenset({*COUNTED_FROM, *REACHES, *PLACE_ADJECTIVES})  # that say which of several objects
 ROBOT = _phrases("robot, robot arm, arm, robot base, base, you, yourself, your base, robot 's base")
 _PLACED = "located, placed, standing, lying, sitting, positioned, situated"
 BEING = _phrases(", ".join((

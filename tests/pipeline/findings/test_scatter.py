@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from app.pipeline.findings.outliers import prompt_findings
 from app.pipeline.findings.scatter import scatter_findings
+from app.pipeline.plans.support import Support
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.plans.support import Support
 from tests.pipeline.scenes import action, demonstration, pose, rotated
 
 INSTRUCTION = "pick up the cube"

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from app.pipeline.findings.yaw import turning_findings
+from app.pipeline.plans.support import Support
 
 from app.pipeline.geometry import canonical_pose
-from app.pipeline.plans.support import Support
 from tests.pipeline.scenes import action, demonstration, pose, rotated
 
 TAKE, PUT = "pick up the bar", "put the bar beside the box"

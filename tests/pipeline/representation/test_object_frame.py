@@ -9,8 +9,7 @@ from app.pipeline.episode import Query
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.object_frame import MAX_REPEATED, ObjectFrameCodec
 from app.pipeline.representation.object_rows import OFFSET_UNIT_M
-from app.pipeline.skill.shown import shown_as_they_are
-from tests.pipeline.asking import grammar_of, parse_reply
+from tests.pipeline.asking import grammar_of, parse_reply, shown_as_they_are
 
 from ..gbnf import matches
 from ..scenes import WORKSPACE, action, angle_deg, demonstration, pose, rotated

@@ -3,8 +3,7 @@ import pytest
 
 from app.pipeline.errors import ReplyParseError
 from app.pipeline.representation.object_frame import ObjectFrameCodec
-from app.pipeline.skill.shown import shown_as_they_are
-from tests.pipeline.asking import grammar_of, parse_reply
+from tests.pipeline.asking import grammar_of, parse_reply, shown_as_they_are
 
 from ..gbnf import matches
 from ..scenes import WORKSPACE, action, angle_deg, demonstration, pose, rotated
