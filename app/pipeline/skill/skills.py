@@ -56,11 +56,6 @@ class Skills:
         """The forms of instruction that recordings have, the most frequent first."""
         return tuple(form for form, _ in Counter(item.order.form for item in self.recordings).most_common())
 
-    @property
-    def instructions(self) -> tuple[str, ...]:
-        """The instructions of the recordings."""
-        return tuple(item.demonstration.instruction for item in self.recordings)
-
     def of(self, order: Order) -> Skill:
         """Return the skill that an instruction asks for.
 

@@ -62,6 +62,12 @@ class Known:
     absent: tuple[str, ...]
     bystanders: tuple[ObjectPose, ...]
 
+    @property
+    def instructions(self) -> tuple[str, ...]:
+        """The instructions of the demonstrations, in the order of the prompt."""
+        by_id = {item.id: item.demonstration.instruction for item in self.shown.recordings}
+        return tuple(by_id[id_] for id_ in self.shown_ids)
+
 
 class KnownReader:
     """Reads tasks for requests, and caches what does not depend on the request. Synchronous: call it in a thread.

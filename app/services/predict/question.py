@@ -71,7 +71,7 @@ def question_of(request: PredictRequest, read: KnownReader) -> Question:
     """
     known = read(request)
     with timed("words"):
-        order = understand(request, known, known.shown.instructions)
+        order = understand(request, known, known.instructions)
     start = start_at(request.end_effector)
     with timed("prompt"):
         plans_shown = known.shown.plans_shown(Query(order.text, known.observed, start=start))
@@ -116,7 +116,7 @@ def doubts_before(question: Question) -> tuple[Finding, ...]:
     known = question.known
     return (
         *doubts.of_objects(known),
-        *doubts.of_words(question.grounded, known.shown.instructions),
+        *doubts.of_words(question.grounded, known.instructions),
         *_parts(question),
         *_of_demonstrations(question),
         *known.skills.of_scene(question.as_observed),
