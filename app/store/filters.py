@@ -97,7 +97,6 @@ class PredictionFilter(Filter):
     Attributes:
         outcome: what was reported; `unknown`: nothing.
         fate: the same, where predictions without actions and without a report are `refused`.
-        without_models: whose predictions are left out.
     """
 
     model: str | None = None
@@ -106,7 +105,6 @@ class PredictionFilter(Filter):
     num_demonstrations: int | None = None
     outcome: Outcome | None = None
     fate: Fate | None = None
-    without_models: tuple[str, ...] = ()
 
     def narrow(self, query: Select[Any]) -> Select[Any]:
         """`query` on predictions, of those that fit."""
@@ -120,8 +118,6 @@ class PredictionFilter(Filter):
             conditions.append(_P.c.outcome_success.is_(_OUTCOMES[self.outcome]))
         if self.fate is not None:
             conditions.append(OF_FATE[self.fate])
-        if self.without_models:
-            conditions.append(_P.c.model.not_in(self.without_models))
         return query.where(*conditions)
 
 

@@ -1,4 +1,4 @@
-"""A service of two workers for the pages that predict: the embedded LLM, yardsticks, and a provider that is slow."""
+"""A service for the pages that predict: yardsticks, and a provider that is slow."""
 
 import json
 import threading
@@ -8,8 +8,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import httpx
 import pytest
 
-from app.evaluation.server import WITHOUT_KEYS
-from tests.e2e.processes import killable_server
+from tests.e2e.processes import running_server
 from tests.web.conftest import INSTRUCTION, PLACES_M, SCRIPTED_REPLY, teach, watched_page
 
 PIECE_S = 0.05
@@ -72,14 +71,11 @@ def slow_provider():
 def url(tmp_path_factory, provider_address):
     environment = {
         "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([SCRIPTED_REPLY]),
-        "ROBOPROMPT_DEFAULT_MODEL": "embedded/gemma-3-270m",
+        "ROBOPROMPT_DEFAULT_MODEL": "regression",
         "ROBOPROMPT_WARM_UP": "false",
         "ROBOPROMPT_COMPATIBLE_BASE_URL": f"{provider_address}",
     }
-    with killable_server(tmp_path_factory.mktemp("lab"), {**WITHOUT_KEYS, **environment}, "--workers", "2") as (
-        _,
-        address,
-    ):
+    with running_server(tmp_path_factory.mktemp("lab"), environment) as address:
         yield address
 
 
