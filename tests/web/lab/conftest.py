@@ -36,8 +36,8 @@ class _SlowProvider(BaseHTTPRequestHandler):
                 if number == FIRST_ROW:
                     self.go_on.wait()
                 time.sleep(PIECE_S)
-                self._say({"choices": [{"delta": {"content": f"{word} "}, "finish_reason": None}]})
-            self._say({"choices": [{"delta": {}, "finish_reason": "stop"}]})
+                self._say({"choices": [{"text": f"{word} ", "finish_reason": None}]})
+            self._say({"choices": [{"text": "", "finish_reason": "stop"}]})
             self.wfile.write(b"data: [DONE]\n\n")
         except OSError:
             self.hung_up.release()
@@ -73,7 +73,8 @@ def url(tmp_path_factory, provider_address):
         "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([SCRIPTED_REPLY]),
         "ROBOPROMPT_DEFAULT_MODEL": "regression",
         "ROBOPROMPT_WARM_UP": "false",
-        "ROBOPROMPT_COMPATIBLE_BASE_URL": f"{provider_address}",
+        "ROBOPROMPT_COMPATIBLE_BASE_URL": provider_address,
+        "ROBOPROMPT_COMPATIBLE_STYLE": "completion",
     }
     with running_server(tmp_path_factory.mktemp("lab"), environment) as address:
         yield address
