@@ -44,18 +44,13 @@ def episode_document(record: EpisodeRecord, settings: TaskSettings) -> JsonObjec
         "keyframes": [_keyframe(item, workspace) for item in record.keyframes],
         "objects": [_object(item, workspace) for item in record.objects],
         "cameras": [camera.name for camera in record.cameras],
-        **({} if record.extra is None else _unlisted(record)),
+        # lists leave out what they do not read
+        **({} if record.extra is None else {"extra": record.extra, "findings": list(record.findings)}),
         **_fields(record, "prediction_id", "corrects", "left_out", "note", "uploaded_instruction"),
         "observation_text": codec.observation_text(demonstration),
         "actions_text": codec.actions_text(demonstration),
         "created_at": record.created_at.isoformat(),
     }
-
-
-def _unlisted(record: EpisodeRecord) -> JsonObject:
-    """What lists leave out."""
-    findings = None if record.findings is None else list(record.findings)
-    return {"extra": record.extra, "findings": findings}
 
 
 def metadata_document(record: EpisodeRecord) -> JsonObject:
@@ -126,14 +121,9 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
         "model": question.known.profile.name,
         **_fields(question.known.style, "representation", "prompt_format"),
         "demonstration_ids": list(question.prefix.demonstration_ids),
-        "prompt": _prompt(prompt.system, prompt.user),
+        "prompt": {"system": prompt.system, "user": prompt.user},
         "prefix_hash": question.prefix.cache_key,
     }
-
-
-def _prompt(system: str, user: str) -> JsonObject | None:
-    """A `PromptOut`; None for a question that was refused before its prompt was written."""
-    return {"system": system, "user": user} if user else None
 
 
 def understood_document(order: Order) -> JsonObject:
@@ -177,7 +167,7 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
         **_fields(record, *same),
         **understood_document(Order.from_json(record.grounding, ())),
         "demonstration_ids": list(record.demonstration_ids),
-        "prompt": _prompt(record.prompt_system, record.prompt_user),
+        "prompt": {"system": record.prompt_system, "user": record.prompt_user},
         "actions": None if record.actions is None else list(record.actions),
         "objects": [item.to_json() for item in record.objects],
         "cameras": [item.name for item in record.cameras],

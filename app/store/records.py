@@ -106,7 +106,7 @@ class EpisodeRecord(DemonstrationRecord):
     upload_key: str | None = None  # the `Idempotency-Key` of its upload
     upload_digest: str | None = None  # SHA-256 of what was sent with that key, in hexadecimal
     uploaded_instruction: str | None = None  # what it came with, where `instruction` was corrected since
-    findings: tuple[JsonObject, ...] | None = None  # `Finding.to_json`; None where 1.0 stored the episode
+    findings: tuple[JsonObject, ...] = ()  # `Finding.to_json`
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,7 +56,7 @@ episodes = Table(
     Column("uploaded_instruction", String(500)),
     Column("upload_key", String(200), unique=True),
     Column("upload_digest", String(64)),
-    Column("findings", Items()),
+    Column("findings", Items(), nullable=False),
     Column("keyframes_key", String(16), nullable=False),
     Column("poses_key", String(16), nullable=False),
     Column("objects", Items(ObjectRecord), nullable=False),

@@ -16,7 +16,7 @@ from app.api.frames import decode_frames, decoded, split_images
 from app.api.routes import Wired, body_of, problems
 from app.api.schemas.lists import EpisodesQuery
 from app.api.schemas.requests import EpisodeEdit, EpisodeJson, EpisodeMetadata
-from app.api.schemas.responses import EpisodeOut, EpisodePage, UploadedEpisodeOut
+from app.api.schemas.responses import EpisodeOut, EpisodePage
 from app.perception.images import as_image
 from app.pipeline.episode import Episode
 from app.services.container import Services
@@ -37,7 +37,7 @@ router = APIRouter(tags=["episodes"], route_class=StrictJsonRoute)
 @router.post(
     "/episodes",
     status_code=201,
-    response_model=UploadedEpisodeOut,
+    response_model=EpisodeOut,
     openapi_extra=body_of(EpisodeJson, EpisodeMetadata, "trajectory"),
     responses=problems(
         _409="the idempotency key came with other content",

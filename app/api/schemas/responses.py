@@ -89,14 +89,6 @@ class EpisodeOut(ListedEpisode):
     """An episode with its findings and the `extra` of its upload."""
 
     extra: dict[str, Any]
-    findings: Annotated[
-        list[FindingOut] | None, Field(description="doubts about the recording; null where version 1.0 stored it")
-    ]
-
-
-class UploadedEpisodeOut(EpisodeOut):
-    """An episode that was just uploaded."""
-
     findings: Annotated[list[FindingOut], Field(description="doubts about the recording")]
 
 
