@@ -141,7 +141,6 @@ def _episodes(group: Sequence[PlanCheck]) -> list[EpisodeCheck]:
 
 
 def _of_instruction(group: Sequence[PlanCheck], plans: Sequence[PlanCheck], rule: KeyframeRule) -> Causes:
-    """Return findings about the rows of one instruction, and about outliers that these do not explain."""
     causes = {plan: row_cause(plan, plans.index(plan), rule) for plan in group}
     findings = list({cause.code: cause for cause in reversed(causes.values()) if cause is not None}.values())
     explained = {plan.gripper for plan in group if causes[plan] is not None}

@@ -96,7 +96,6 @@ def symmetry_findings(recordings: Sequence[Recording]) -> Iterator[Finding]:
 
 
 def _of_symmetry(name: str, turns_deg: Array, symmetry_deg: float) -> Finding | None:
-    """Return a suggestion if grasps from several sides are equal under this symmetry."""
     left_deg, sides = sides_of(turns_deg, symmetry_deg)
     most_deg = float(np.abs(left_deg).max())
     # a side that one demonstration takes may be a slip

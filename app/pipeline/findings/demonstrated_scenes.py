@@ -187,7 +187,6 @@ def _rigid(
 
 
 def _turns(poses: Sequence[ObjectPose]) -> bool:
-    """Return whether an object has clearly other rotations in some scenes."""
     known = [pose.quaternion_xyzw for pose in poses if pose.quaternion_xyzw is not None]
     turned_deg = [math.degrees(quaternions.angle_between_rad(known[0], each)) for each in known]
     return len(known) == len(poses) and max(turned_deg) > TURNED_DEG
@@ -199,7 +198,6 @@ def _seen_m(one: ObjectPose, other: ObjectPose, anchor: Anchor) -> Array:
 
 
 def _way_m(scene: Query, one: str, other: str) -> Array:
-    """Return (3,) the way from `other` to `one`."""
     way_m: Array = scene.object(one).position_m - scene.object(other).position_m
     return way_m
 

@@ -99,7 +99,6 @@ class Taught:
 
     @cached_property
     def _followed_in_demonstrations(self) -> frozenset[str]:
-        """The objects that rows of any plan are relative to."""
         plans = self.support.plans
         return frozenset(name for _, rows in plans for row in rows for anchor in row.anchors for name in anchor.names)
 
@@ -190,7 +189,6 @@ class Taught:
 
     @cached_property
     def _alike(self) -> dict[str, list[Demonstration]]:
-        """The demonstrations that ask for the same, by the form of their instruction."""
         return grouped(self.demonstrations, attrgetter("order.form"))
 
     @cached_property
@@ -217,13 +215,11 @@ class Taught:
         return found
 
     def _off_m(self, item: Demonstration) -> float:
-        """Return how far it acts from where the others of its plan do, or from where the usual plans would act."""
         if (shown_m := self._off_plan_m.get(item)) is not None:
             return shown_m
         return 0.0 if item.plan is None else off_plans_m(self.support, item)
 
     def _hands_of(self, demonstrations: Sequence[Demonstration]) -> list[RecordedHand]:
-        """Return their recorded hands; none where these are not known."""
         hands = dict(zip(self.demonstrations, self.hands, strict=False))
         return [hands[item] for item in demonstrations if item in hands]
 

@@ -191,14 +191,12 @@ def _takes_otherwise(order: Order, hand: RecordedHand, closings: Sequence[Act]) 
 
 
 def _takes_from(goals: Sequence[str], acts: Sequence[Act]) -> bool:
-    """Return whether the hand closes at goals only, and opens at none."""
     closed, opened = ([act for act in acts if act.opens == opens] for opens in (False, True))
     taken_there = all(act.at_object and act.nearest in goals for act in closed)
     return bool(closed and opened) and taken_there and all(_is_far(name, opened) for name in goals)
 
 
 def _is_far(name: str, acts: Sequence[Act]) -> bool:
-    """Return whether the hand does none of these acts at an object."""
     return all(act.away_m[name] >= AT_OBJECT_M for act in acts)
 
 

@@ -209,7 +209,6 @@ def _acts_off_m(
 
 
 def _at_other_objects(alike: Sequence[Demonstration]) -> list[int]:
-    """Return the indices of the demonstrations that clearly act at another object than most."""
     away_m = [_distances_by_role_m(demonstration) for demonstration in alike]
     nearest_m = [min(roles.values()) for roles in away_m]
     usual = Counter(min(roles, key=roles.__getitem__) for roles in away_m).most_common(1)[0][0]
@@ -244,6 +243,5 @@ def _way(shown: Demonstration) -> tuple[bool, ...]:
 
 
 def _states(are_open: Iterable[bool]) -> tuple[bool, ...]:
-    """Return the successive states of the gripper; it is open before."""
     states = [state for state, _ in groupby(are_open)]
     return tuple(states if states[:1] == [True] else [True, *states])

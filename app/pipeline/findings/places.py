@@ -165,7 +165,6 @@ class ShownPlaces:
         return beyond_deg, float(shown_deg.width)
 
     def _yaws_deg(self) -> Range:
-        """The range of its yaws, counted from their middle."""
         return Range.of(_wrapped_deg(self.yaws_rad - self._middle_rad))
 
     @property

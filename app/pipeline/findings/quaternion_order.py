@@ -130,7 +130,6 @@ def tilted_about_x(objects: Sequence[ObjectPose]) -> tuple[str, ...]:
 
 
 def _turned(objects: Sequence[ObjectPose]) -> tuple[list[ObjectPose], Array]:
-    """Return the N objects whose rotations are known, and these (N, 4)."""
     known = [pose for pose in objects if pose.quaternion_xyzw is not None]
     return known, np.array([pose.quaternion_xyzw for pose in known]).reshape(-1, 4)
 
@@ -167,11 +166,9 @@ def _is_inclined(tilts_deg: Array) -> npt.NDArray[np.bool_]:
 
 
 def _upright_if_w_first(quaternions: Array) -> npt.NDArray[np.bool_]:
-    """Return (N,) bool of quaternions (N, 4)."""
     upright: npt.NDArray[np.bool_] = _off_way_deg(_w_first(quaternions), UP) < UPRIGHT_DEG
     return upright
 
 
 def _w_first(quaternions: Array) -> Array:
-    """Return quaternions (N, 4) as they are meant if w comes first."""
     return np.roll(quaternions, -1, axis=1)

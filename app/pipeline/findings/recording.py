@@ -203,7 +203,6 @@ def _pushed(motion: Motion, names: Sequence[str]) -> Iterator[Finding]:
 
 
 def _holds(motion: Motion, away_m: Array) -> bool:
-    """Return whether the hand closes on an object at a distance (T,), and not before it comes near."""
     closed = [away_m[phase.first : phase.last + 1] for phase in motion.phases if not phase.gripper_open]
     return any(each[0] < AT_OBJECT_M and each.min() > each[0] - NEARER_M for each in closed)
 
@@ -235,7 +234,6 @@ def _pressed(motion: Motion) -> Iterator[Finding]:
 
 
 def _longest(motion: Motion, states: npt.ArrayLike) -> slice | None:
-    """Return the longest interval in which a state (T,) is true; None if it is shorter than `LASTS_S`."""
     found = [slice(first, end) for first, end, is_so in stretches(states) if is_so]
     lasting = [frames for frames in found if _lasts_s(motion, frames) >= LASTS_S]
     return max(lasting, key=lambda frames: _lasts_s(motion, frames), default=None)

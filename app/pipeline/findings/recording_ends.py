@@ -185,7 +185,6 @@ def begun_holding_findings(pairs: Sequence[Recorded]) -> Iterator[Finding]:
 
 
 def _in_one_place(pairs: Sequence[Recorded]) -> bool:
-    """Return whether hands start at one place seen from an object."""
     starts_m = np.array([hand.start.position_m for _, hand in pairs])
     spreads_m = map(spread_m, places_by_object([shown for shown, _ in pairs], starts_m).values())
     return len(pairs) >= MIN_ENDS and min(spreads_m, default=np.inf) < min(ONE_PLACE_M, ENDS_SHARE * spread_m(starts_m))
@@ -205,20 +204,16 @@ def _on_the_way(pairs: Sequence[Recorded]) -> bool:
 
 
 def _share_moving(pairs: Sequence[Recorded]) -> float:
-    """Return the share of the hands that move in the first moments."""
     return sum(hand.start_speed_m_s > MOVES_M_S for _, hand in pairs) / len(pairs)
 
 
 def _begins_holding(hand: RecordedHand) -> bool:
-    """Return whether the hand begins closed at an object, and first lets it go."""
     return not hand.starts_open and bool(hand.may_hold) and bool(hand.acts) and hand.acts[0].opens
 
 
 def _begins_taking(hand: RecordedHand) -> bool:
-    """Return whether the hand begins open, and first closes on an object."""
     return hand.starts_open and bool(hand.acts) and not hand.acts[0].opens and hand.acts[0].at_object
 
 
 def _most_hold(pairs: Sequence[Recorded]) -> bool:
-    """Return whether most hands start closed, with an object in them."""
     return 2 * sum(not hand.starts_open and bool(hand.may_hold) for _, hand in pairs) > len(pairs)

@@ -53,7 +53,6 @@ def scatter_findings(
 
 
 def _worst(acting: Sequence[ActingRow], causes_of: Callable[[ActingRow], Iterator[Cause]]) -> tuple[Finding, ...]:
-    """Return the finding of the first cause that has a severity, for the row in which it is worst; or none."""
     for causes in zip(*map(causes_of, acting), strict=True):
         (rule, value, message), item = max(zip(causes, acting, strict=True), key=lambda pair: pair[0][1])
         if rule.severity(value) is not None:

@@ -106,7 +106,6 @@ def _stale(pose: ObjectPose, places_m: Array) -> bool:
 
 
 def _repeats(place_m: Array, places_m: Array) -> npt.NDArray[np.bool_]:
-    """Return (N,) bool: which of the places (N, 3) are the same measurement as a place (3,)."""
     repeats: npt.NDArray[np.bool_] = np.abs(places_m - place_m).max(axis=1) < REPEATED_M
     return repeats
 

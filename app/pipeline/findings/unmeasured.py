@@ -42,7 +42,6 @@ def _lacks_rotation(pose: ObjectPose) -> bool:
 
 
 def _turn_deg(pose: ObjectPose) -> float:
-    """Return the angle of its rotation; 0 if that is not known."""
     return 0.0 if pose.quaternion_xyzw is None else math.degrees(quaternions.angle_rad(pose.quaternion_xyzw))
 
 

@@ -28,7 +28,6 @@ Rotations = Mapping[str, Mapping[str, Array]]
 
 
 def _turned(factor: float) -> Callable[[Rotation, Rotation], Rotation]:
-    """Return the hands seen from objects that are turned by so many times what their rotations say."""
     return lambda objects, hands: Rotation.from_rotvec(factor * objects.as_rotvec()).inv() * hands
 
 
@@ -197,7 +196,6 @@ def turning_findings(
 
 
 def _worst(of_each: Iterable[tuple[Finding, ...]]) -> list[Finding]:
-    """Return the severest finding, of several the one with the largest number; none if there is none."""
     found = [finding for findings in of_each for finding in findings]
     return sorted(found, key=lambda each: (SEVERITIES.index(each.severity), *each.numbers.values()), reverse=True)[:1]
 

@@ -92,7 +92,6 @@ def _tilts(plan: Sequence[PlanRow], k: int) -> bool:
 
 
 def _goes_back(plan: Sequence[PlanRow], k: int) -> bool:
-    """Return whether the hand reverses its direction in row `k`."""
     coming_m, going_m = (plan[j + 1].positions_m - plan[j].positions_m for j in (k - 1, k))
     lengths_m = np.linalg.norm(coming_m, axis=1) * np.linalg.norm(going_m, axis=1)
     cosines = np.einsum("nx,nx->n", coming_m, going_m) / np.maximum(lengths_m, LEG_M**2)
@@ -116,7 +115,6 @@ def switching_rows(plan: Sequence[PlanRow]) -> list[int]:
 
 
 def _at_object(row: PlanRow) -> bool:
-    """Return whether most hands are near enough to grasp the object that the row follows."""
     away_m = np.linalg.norm(row.offsets_m, axis=1)
     return bool(row.anchors[0].object_name) and float(np.median(away_m)) <= GRASPED_M
 

@@ -46,7 +46,6 @@ def agreed(group: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
 
 
 def _at_center(group: Sequence[Demonstration], row: PlanRow) -> list[EndEffectorAction]:
-    """Return the center of a row, placed in each demonstration's scene."""
     positions_m, hands = anchor_poses(row.anchors, group).placed(row.center_m, row.mean_rotation)
     return EndEffectorAction.many(positions_m, hands.as_quat(canonical=True), [row.gripper_open] * len(group))
 

@@ -70,7 +70,6 @@ class PlanChooser:
         return [self._of_ways([way, *(_usual(other)[0] for other in others)]) for way in _usual(first)[:MAX_WARMED]]
 
     def _of_ways(self, ways: Sequence[int]) -> PlanChoice:
-        """Return the choice for one way of each separated group."""
         left_out = {d.id for d in self._never_shown}.union(*map(_not_of, ways, self._parted))
         shown = tuple(d for d in self._all if d.id not in left_out)
         return PlanChoice(shown, tuple(self._doubts(shown)))
@@ -111,12 +110,10 @@ def _grasps_of_one(shown: Sequence[Demonstration]) -> int:
 
 
 def _usual(parted: Parting) -> list[int]:
-    """Return the ways, most frequent first."""
     return [way for way, _ in Counter(parted.ways.tolist()).most_common()]
 
 
 def _not_of(way: int, parted: Parting) -> set[str]:
-    """Return the ids of the demonstrations of other ways."""
     return {d.id for d, other in zip(parted.demonstrations, parted.ways, strict=True) if other != way}
 
 
@@ -166,12 +163,10 @@ def _left_out(never: Sequence[Demonstration], number: int) -> Iterator[Finding]:
 
 
 def _with_unit(value: float, unit: str) -> str:
-    """Return a value with its unit, for messages."""
     return f"{value:.0f} degrees" if unit == "deg" else f"{100 * value:.1f} cm"
 
 
 def _range_text(values_deg_or_m: Array, unit: str) -> str:
-    """Return the range of values (N, 1) for messages; of angles the shorter way around the circle."""
     values = values_deg_or_m[:, 0]
     if unit == "deg":
         middle = math.degrees(np.angle(np.exp(1j * np.radians(values)).mean()))

@@ -76,7 +76,6 @@ class Recording:
 
     @property
     def _last(self) -> list[Keyframe]:
-        """The keyframe of the phase that is added."""
         return [Keyframe(len(self.motion) - 1, self.motion.phases[-1].ends_open)] if self.stays else []
 
     @cached_property

@@ -127,7 +127,6 @@ class Support:
 
 
 def _placed_plan(plan: DemonstratedPlan, query: Query) -> PlacedPlan:
-    """Return a plan's rows placed in the query's scene."""
     rows = plan.rows
     anchors = [asked_anchor(row.anchors[0], plan.order, query.order) for row in rows]
     poses = [anchor_pose(anchor, query) for anchor in anchors]

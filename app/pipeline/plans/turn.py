@@ -109,7 +109,6 @@ def turned_from_most(demonstrations: Sequence[Demonstration]) -> list[bool]:
 
 
 def _frames(demonstrations: Sequence[Demonstration]) -> Iterable[Sequence[Array]]:
-    """Yield the rotations (4,) of the world, and of each object with a known rotation, in every demonstration."""
     yield [quaternions.IDENTITY] * len(demonstrations)
     for place in range(len(demonstrations[0].ordered_objects)):
         known = [item.ordered_objects[place].quaternion_xyzw for item in demonstrations]

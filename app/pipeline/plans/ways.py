@@ -88,6 +88,5 @@ def _is_alone(group: Sequence[Demonstration], place: int, acting: Sequence[int])
 
 
 def _turned_deg(demonstration: Demonstration, k: int, row: PlanRow) -> float:
-    """Return the angle between its hand in row `k` and the mean rotation of the row."""
     _, hands = relative_row([demonstration], k, row.anchors[:1])
     return float(np.degrees((row.mean_rotation.inv() * hands[0]).magnitude()))

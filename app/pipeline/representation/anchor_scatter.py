@@ -143,7 +143,6 @@ def _rms(off: Array, axis: int) -> Array:
 
 
 def _num_kept(number: int) -> int:
-    """Return how many of `number` demonstrations are kept as inliers."""
     return math.ceil(KEPT_SHARE * number) if number >= MANY_TURNED else number
 
 

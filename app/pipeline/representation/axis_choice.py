@@ -219,7 +219,6 @@ def _turns_m(group: Sequence[Demonstration], origin: Anchors) -> Array:
 
 
 def _along(anchors: Anchors, followed: Sequence[Anchors]) -> Anchors:
-    """Return the anchors with these origins along the world's axes."""
     own, aside = anchors, any(names_of(origin) != names_of(anchors) for origin in followed[:2])
     frame: AnchorFrame = "wo" if anchors[0].frame == "o" and aside else anchors[0].frame
     tilts = anchors[0].place_turns and any(anchor.at_tilted for anchor in anchors)
@@ -234,7 +233,6 @@ def _along(anchors: Anchors, followed: Sequence[Anchors]) -> Anchors:
 
 
 def _at(own: Anchors, frame: AnchorFrame, followed: Sequence[Anchors]) -> Anchors:
-    """Return the anchors in a frame, with another origin along each axis that follows another one."""
     others = [(axis, names_of(origin)) for axis, origin in enumerate(followed) if names_of(origin) != names_of(own)]
     return tuple(
         anchor._replace(frame=frame, along=tuple((axis, names[k]) for axis, names in others))
@@ -243,5 +241,4 @@ def _at(own: Anchors, frame: AnchorFrame, followed: Sequence[Anchors]) -> Anchor
 
 
 def _plane_m(seen_m: Array) -> float:
-    """Return the horizontal scatter of (N, 3)."""
     return float(np.linalg.norm(offsets_scatter_m(seen_m)[:2]))

@@ -153,7 +153,6 @@ class ObjectFrameCodec(Codec):
 
     @cached_property
     def _by_axis(self) -> frozenset[tuple[Order, Anchor]]:
-        """Anchors with several origins, each with the order of its demonstration."""
         pairs = zip(self.demonstrations, self.table, strict=True)
         return frozenset((item.order, row.anchor) for item, rows in pairs for row in rows if row.anchor.is_of_several)
 
@@ -192,7 +191,6 @@ class ObjectFrameCodec(Codec):
         return {(index, Step.of(shown, row)): row.mean for shown, index, row in rows if row.mean is not None}
 
     def _anchored(self, query: Query) -> dict[str, AnchorPose]:
-        """The pose of each anchor that a row may have, by its text in rows."""
         ordered = enumerate(query.ordered_objects)
         anchors = {
             f"{letter(place)} {frame}": Anchor(pose.name, frame, tilted=self.tilted)

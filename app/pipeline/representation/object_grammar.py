@@ -53,7 +53,6 @@ def plans_grammar(demonstrations: Sequence[Demonstration], table: Table, asked: 
 
 
 def _plan(shown: Sequence[Demonstration], table: Table, asked: Order) -> str:
-    """The rows that these demonstrations of one plan share."""
     texts = []
     before: Sequence[TextRow] = ()
     for number, rows in enumerate(zip(*table, strict=True), start=1):
@@ -107,7 +106,6 @@ def any_rows_grammar(
 
 
 def _anchors(scenes: Sequence[Demonstration], frames: Sequence[AnchorFrame], asked: Order) -> list[str]:
-    """Every letter and frame that the scenes' objects allow."""
     rotated = {pose.name for scene in scenes for pose in scene.objects if pose.quaternion_xyzw is not None}
     ordered = enumerate(in_order(scenes[0].objects, asked))
     return [f"{letter(k)} {frame}" for k, pose in ordered for frame in frames if frame == "w" or pose.name in rotated]

@@ -117,7 +117,6 @@ def _means(offsets_m: Array, rotations: Rotation, numbers: Integers) -> list[Rel
 
 
 def _mean_of_equal(keys: Integers, values: Array) -> Array:
-    """For each of N values the mean of those with the same key."""
     _, groups = np.unique(keys, return_inverse=True)
     means: Array = (np.bincount(groups, values) / np.bincount(groups))[groups]
     return means

@@ -92,13 +92,11 @@ class SumsCodec(Codec):
 
     @cached_property
     def _rows(self) -> list[tuple[Demonstration, TextRow]]:
-        """All rows, each with its demonstration."""
         table = zip(self.fitted.demonstrations, self.fitted.table, strict=True)
         return [(demonstration, row) for demonstration, rows in table for row in rows]
 
     @cached_property
     def _letters(self) -> dict[Step, str]:
-        """The letter of each step that observations list."""
         kinds = places_by(self.fitted.demonstrations, lambda item: item.kind).values()
         steps = dict.fromkeys(step for places in kinds for step in self._steps_of(places))
         return {step: letter(number).lower() for number, step in enumerate(steps)}
@@ -144,7 +142,6 @@ class SumsCodec(Codec):
         return "{" + ", ".join([*parts, f"'{query.instruction}'"]) + "}>"
 
     def _steps_text(self, query: Query, name: str) -> str:
-        """The steps at an object (or the start) as a scene's observation lists them."""
         texts = []
         for row, step in self._steps_at(query, name):
             numbers = [f"{by:+d}" for by in self._followed(query, row).differences[:3] if by is not None]
@@ -173,20 +170,17 @@ class SumsCodec(Codec):
         return f"{'open' if row.gripper_open else 'closed'} {cells}]"
 
     def _origins(self, query: Query) -> dict[str, tuple[int, ...]]:
-        """The bins of everything that a row may follow, by name: of objects, and of the start where rows follow it."""
         origins = {pose.name: object_bins(pose, self.workspace) for pose in query.objects}
         if query.start is not None and any(row.anchor == START for _, row in self._rows):
             origins[START.frame] = discretize_actions([query.start], self.workspace)[0].bins[:6]
         return origins
 
     def _placed(self, query: Query, row: TextRow) -> tuple[int, ...]:
-        """The six bins of a row in a scene."""
         pose = RelativePose.of_numbers(row.numbers)
         actions = actions_at([anchor_pose(row.anchor, query)], [pose], [row.gripper_open])
         return discretize_actions(actions, self.workspace)[0].bins[:6]
 
     def _followed(self, query: Query, row: TextRow, step: str = "") -> _Followed:
-        """What a row follows in a scene."""
         anchor = row.anchor
         if anchor == WORLD:
             return _Followed(WORLD.frame, step, (), (None,) * 6)
@@ -258,7 +252,6 @@ class SumsCodec(Codec):
 
 
 def _literal(text: str) -> str:
-    """The text as a literal of GBNF."""
     escaped = re.sub(r'(["\\])', r"\\\1", text)
     return f'"{escaped}"'
 
