@@ -17,10 +17,9 @@ import typer
 from rich.console import Console
 
 from app.cli.shared import INTERRUPTED, check_models, check_names, errors_printed, progress_bars, service_at
-from app.evaluation.methods import Method, with_noise, with_poses, with_shift
+from app.evaluation.methods import SIMPLE_NAMES, SWEEPS, Method, chosen, with_noise, with_poses, with_shift
 from app.evaluation.plan import Plan
 from app.evaluation.sweep_run import SweepResult, SweepRun
-from app.evaluation.sweeps import SIMPLE_NAMES, SWEEPS, chosen
 from app.evaluation.tables import results_table, sweep_summary
 from app.evaluation.world import Panda, World, world_named
 from app.sim.shift import can_shift

@@ -4,9 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from app.datasets import archive, rlbench, robomimic
+from app.datasets import archive, lerobot, rlbench, robomimic
 from app.datasets.bounds import DatasetError
-from app.datasets.lerobot import reader as lerobot
 from app.datasets.options import ImportOptions
 from app.datasets.parcel import Dataset
 

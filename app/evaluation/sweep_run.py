@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
+from app.evaluation.methods import SWEEPS
 from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.results import Evaluation
 from app.evaluation.run import PlanRun, ServiceLostError, executor_of
 from app.evaluation.server import service
-from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown
 from app.executors import Executor, usable_cores
 from roboprompt_client.version import VERSION

@@ -10,7 +10,7 @@ import pytest
 
 from app.datasets.bounds import DamagedError, DatasetError, MissingPackageError
 from app.datasets.formats import open_dataset
-from app.datasets.lerobot.writer import write_lerobot
+from app.datasets.lerobot_writer import write_lerobot
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
 from app.perception.images import decode_rgb

@@ -11,14 +11,13 @@ import pytest
 from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
-from app.evaluation.methods import Method
+from app.evaluation.methods import COPY, EXPERT, REGRESSION, REPLAY, Method
 from app.evaluation.paper import disturbed
 from app.evaluation.plan import OtherModelError, Plan, evaluation_of
 from app.evaluation.results import Crash
 from app.evaluation.run import PlanRun, ServiceLostError
 from app.evaluation.server import free_port
 from app.evaluation.server import running_server as real_server
-from app.evaluation.sweeps import COPY, EXPERT, REGRESSION, REPLAY
 from app.evaluation.world import Panda
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient

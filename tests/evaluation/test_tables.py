@@ -4,9 +4,8 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from app.evaluation.methods import Method
+from app.evaluation.methods import SWEEPS, Method
 from app.evaluation.results import Crash, Evaluation, TaskEvaluation, result_of
-from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown, results_table, sweep_summary
 from tests.evaluation.trials import ANSWER, trial
 
