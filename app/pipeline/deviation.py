@@ -36,7 +36,6 @@ class ActionDeviation:
         offset_m: from the demonstrations' median place.
         spread_m: of the farthest demonstration from there.
         turn_deg, turn_spread_deg: the same of the rotation, from their mean rotation.
-        gripper_shown: whether some demonstration has the gripper like this.
     """
 
     follows: str
@@ -44,7 +43,6 @@ class ActionDeviation:
     spread_m: float
     turn_deg: float
     turn_spread_deg: float
-    gripper_shown: bool
 
 
 def object_reach(pose: ObjectPose, demonstrations: Sequence[Demonstration]) -> ObjectReach:
@@ -81,7 +79,6 @@ def _deviation(predicted: Demonstration, shown: Demonstration, k: int, row: Plan
         float(np.linalg.norm(row.offsets_m - center_m, axis=1).max()),
         float(np.degrees((mean.inv() * rotation[0]).magnitude())),
         float(np.degrees((mean.inv() * row.rotations).magnitude().max())),
-        predicted.actions[k].gripper_open in row.grippers,
     )
 
 
