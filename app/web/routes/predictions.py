@@ -8,21 +8,19 @@ from pydantic import Field
 from starlette.responses import Response
 
 from app.api.routes import Wired
-from app.api.schemas.lists import Filtered
+from app.api.schemas.lists import Filtered, PageQuery
 from app.store import episodes, prediction_lists, tasks
 from app.store.filters import FATES, PredictionFilter
 from app.store.records import Fate
 from app.web.page import HEADERS, FormQuery, PageRoute, query_of, render, render_part
 from app.web.prediction_views import view_prediction
 
-PAGE_SIZE = 50
-MAX_SEQUENCE = 10**18
 Text = Annotated[str, Field(max_length=200)]
 router = APIRouter(route_class=PageRoute)
 documents = APIRouter()
 
 
-class _Listed(FormQuery, Filtered):
+class _Listed(FormQuery, PageQuery, Filtered):
     """What the list is asked for in its address."""
 
     model: Text | None = None
@@ -30,11 +28,10 @@ class _Listed(FormQuery, Filtered):
     prompt_format: Text | None = None
     num_demonstrations: Annotated[int | None, Field(alias="demonstrations", ge=0, le=999)] = None
     fate: Annotated[Fate | None, Field(alias="outcome")] = None
-    cursor: Annotated[int | None, Field(ge=0, le=MAX_SEQUENCE)] = None
 
     def filter(self) -> PredictionFilter:
         """The store's filter."""
-        return PredictionFilter(**self.model_dump(exclude={"cursor"}))
+        return PredictionFilter(**self.model_dump(exclude={"limit", "cursor"}))
 
 
 @router.get("/ui/predictions")
@@ -43,7 +40,7 @@ def predictions_page(request: Request, services: Wired, listed: Annotated[_Liste
     chosen = listed.filter()
     with services.store.read() as connection:
         models = prediction_lists.models(connection)
-        page = prediction_lists.list_page(connection, chosen, PAGE_SIZE, listed.cursor)
+        page = prediction_lists.list_page(connection, chosen, listed.limit, listed.cursor)
         names = list(tasks.counts(connection))
     return render(
         request,
