@@ -252,7 +252,7 @@ class Arm:
         Raises:
             UnsafeActionError, MotionError: naming the first action that is beyond the limits or cannot be reached.
         """
-        guard = MotionGuard(self._limits, before=self.state().pose())
+        guard = MotionGuard(self._limits, len(actions), self.state().pose())
         for action in actions:
             guard.check(action)
         has_geometry = self._geometry() is not None
