@@ -118,10 +118,11 @@ def evaluate(**options: Any) -> None:  # noqa: ANN401
         plan = _plan(asked)
     except InvalidInputError as error:
         raise typer.BadParameter(str(error), param_hint=f"--{error.field.rpartition('.')[2]}") from error
-    if asked.url is not None:
+    if asked.url is None:
+        check_models(asked.model or ())
+    else:
         with service_at(asked.url) as client:
             client.ping()
-    check_models(asked.model or (), asked.url)
     with errors_printed(), progress_bars(console, PACE_S) as progress:
         result = SweepRun(asked.sweep_name, plan, asked.folder, asked.url)(progress)
     _print_results(console, result, asked)

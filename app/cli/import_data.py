@@ -11,10 +11,10 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.console import Console
 
-from app.cli.shared import INTERRUPTED, AsJson, Url, check_names, counted, errors_printed, if_there
+from app.cli.shared import INTERRUPTED, AsJson, Url, counted, errors_printed, if_there
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError
-from app.datasets.formats import FORMATS, open_dataset
-from app.datasets.options import ImportOptions, KnownObjects, read_changes, read_objects
+from app.datasets.formats import open_dataset
+from app.datasets.options import ImportOptions, KnownObjects, read_mapping, read_objects
 from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from app.untrusted_arrays import trajectory_from_npz
@@ -131,13 +131,7 @@ def import_data(
     task: Annotated[str | None, typer.Option(help="instead of the task that the dataset names")] = None,
     instruction: Annotated[str | None, typer.Option(help="instead of the dataset's")] = None,
     objects: Annotated[Path | None, typer.Option(help="JSON: names, mask ids or poses, see docs/datasets.md")] = None,
-    camera: Annotated[list[str] | None, typer.Option(help="only its images; may be repeated; default: all")] = None,
     mapping: Annotated[Path | None, typer.Option(help="JSON: which columns are what, see docs/datasets.md")] = None,
-    feature: Annotated[
-        list[str] | None,
-        typer.Option(help="PART=COLUMN, overrides the mapping, e.g. gripper=action[6]; may be repeated"),
-    ] = None,
-    form: Annotated[str | None, typer.Option("--format", help=", ".join(FORMATS))] = None,
     max_unpacked_mb: Annotated[
         float, typer.Option(min=1, help="what the files of an episode may unpack to")
     ] = MAX_UNPACKED_BYTES / MEGABYTE,
@@ -148,14 +142,12 @@ def import_data(
 
     A damaged file is named and skipped; the exit status is 1 if anything could not be imported.
     """
-    check_names("--format", [] if form is None else [form], FORMATS)
     console = Console(stderr=as_json)
     with errors_printed():
         known = KnownObjects() if objects is None else read_objects(objects)
-        changes = read_changes(mapping, tuple(feature or ()))
-        cameras = None if camera is None else tuple(camera)
+        features = {} if mapping is None else read_mapping(mapping)
         limit_bytes = int(max_unpacked_mb * MEGABYTE)
-        dataset = open_dataset(path, ImportOptions(task, instruction, known, cameras, changes, limit_bytes), form)
+        dataset = open_dataset(path, ImportOptions(task, instruction, known, features, limit_bytes))
         summary = _import(dataset, None if dry_run else url, console)
     _report(console, summary)
     if as_json:

@@ -179,7 +179,7 @@ def cameras_of(
     """Return an episode's calibrated cameras, their first images as PNG files by name of the part, and notes."""
     cameras, images = [], {}
     calibrated = calibrated_cameras(misc)
-    for name in filter(options.wants, calibrated):
+    for name in calibrated:
         if (read := read_images(root, folder, name, misc, budget)) is not None:
             cameras.append(read[0])
             images.update(read[1])
