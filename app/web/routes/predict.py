@@ -15,8 +15,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
 from app.api.body import read_body
-from app.api.question_body import questioned
 from app.api.routes import Wired
+from app.api.routes.predict import questioned
 from app.pipeline.prompt import SYSTEM_PROMPTS
 from app.pipeline.spans import prompt_spans
 from app.services.extract import reading
