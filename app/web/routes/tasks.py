@@ -32,11 +32,7 @@ documents = APIRouter()
 
 @dataclass(frozen=True)
 class TaskRow:
-    """A task as the list shows it.
-
-    Attributes:
-        newest: its newest episode, if it has one, whose picture stands for it.
-    """
+    """A task as the list shows it; the picture of its newest episode, if it has one, stands for it."""
 
     record: TaskRecord
     counts: TaskCounts
