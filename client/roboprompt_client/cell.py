@@ -59,9 +59,9 @@ def open_robot(name: str, *, cameras: bool = True) -> Robot:
     path = Path(name)
     cell: Mapping[str, Any] = {"arm": name} if ":" in name and not path.exists() else read_cell(path)
     with ExitStack() as opened:
-        rig = rig_from_json(cell["cameras"], path.parent, cell.get("table")) if cameras and "cameras" in cell else None
-        if rig is not None:
-            opened.callback(rig.close)
+        wanted = cameras and "cameras" in cell
+        rig = rig_from_json(cell["cameras"], path.parent, cell.get("table")) if wanted else Rig()
+        opened.callback(rig.close)
         robot = _robot(cell, path.parent, rig, opened)
         opened.pop_all()
     return robot
@@ -77,7 +77,7 @@ def closing_robot(robot: Robot) -> Iterator[Robot]:
             robot.close()
 
 
-def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None, opened: ExitStack) -> Robot:
+def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig, opened: ExitStack) -> Robot:
     """Return the robot; `opened` closes its driver if the arm then cannot be used."""
     how: dict[str, Any] = {"tolerance": _tolerance(cell.get("tolerance", {}))}
     if "open_width_m" in cell:

@@ -97,11 +97,9 @@ class CameraDriver(Protocol):
         Raises:
             CameraError: if there is none (unplugged, too slow, no frame); the caller adds the camera's name.
         """
-        ...
 
     def close(self) -> None:
         """Disconnect."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +147,7 @@ class Rig:
         InvalidInputError: for two cameras with one name.
     """
 
-    def __init__(self, cameras: Iterable[MountedCamera], table: Table | None = None) -> None:
+    def __init__(self, cameras: Iterable[MountedCamera] = (), table: Table | None = None) -> None:
         self.cameras, self.table = tuple(cameras), table
         names = [camera.name for camera in self.cameras]
         if twice := [name for name in names if names.count(name) > 1]:

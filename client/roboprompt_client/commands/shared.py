@@ -42,7 +42,7 @@ def add_find(parser: ArgumentParser) -> None:
 def seeing_arm(cell: str) -> Iterator[Arm]:
     """Open the arm of a cell's file, and close it at the end; raises InvalidInputError if the cell has no cameras."""
     with closing_robot(open_robot(cell)) as robot:
-        if not isinstance(robot, Arm) or robot.cameras is None:
+        if not isinstance(robot, Arm) or not robot.cameras.cameras:
             raise InvalidInputError("--robot", f"{cell} has no cameras", CELL)
         yield robot
 
@@ -54,7 +54,7 @@ def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str | None, f
         InvalidInputError: if neither objects nor a task are named, or the service does not answer.
         ServiceProblemError: if it refuses.
     """
-    if not isinstance(robot, Arm) or robot.cameras is None:
+    if not isinstance(robot, Arm) or not robot.cameras.cameras:
         return
     valid = "the names of the objects in view"
     if find is None and task is None:
