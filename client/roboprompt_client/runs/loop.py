@@ -192,9 +192,9 @@ class _OnlyObjects:
     robot: Robot
     names: Collection[str]
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401
-        """Return what the robot offers besides the Protocol's methods, such as `check_plan`."""
-        return getattr(self.robot, name)
+    def check_plan(self, actions: Sequence[EndEffectorAction]) -> None:
+        if isinstance(self.robot, ChecksPlans):
+            self.robot.check_plan(actions)
 
     def observe(self) -> Observation:
         seen = self.robot.observe()
