@@ -158,11 +158,7 @@ def _numbers(index: int, document: Mapping[str, Any], name: str, length: int) ->
 
 
 def passes_through(start_m: Point, end_m: Point, min_m: Point, max_m: Point) -> bool:
-    """Return whether a point of the straight way from `start_m` to `end_m`, both (3,), is inside the box.
-
-    Args:
-        min_m, max_m: (3) opposite corners of the box.
-    """
+    """Return whether a point of the straight way from `start_m` to `end_m`, (3,) as the box's corners, is inside it."""
     entry, leave = -math.inf, math.inf
     for start, end, low, high in zip(start_m, end_m, min_m, max_m, strict=True):
         if (step := end - start) == 0:

@@ -145,8 +145,7 @@ def run_plan(
 
     Args:
         confirm_steps: asked once before anything moves.
-        on_outcome: called after each step; the plan goes on only if it returns a success. None: a step whose actions
-            were carried out counts as done.
+        on_outcome: called after each step; the plan goes on only after a success. None: what was carried out is done.
         how: arguments of `run_task`, for each step.
 
     Raises:
