@@ -128,7 +128,7 @@ def _outcome(entry: Entry, handle: Callable[[str, Parcel], ImportResult]) -> Imp
 def _read(entry: Entry) -> Parcel:
     try:
         return entry.read()
-    except RoboPromptError:
+    except (RoboPromptError, ModuleNotFoundError):  # the latter names an extra
         raise
     except Exception as error:  # whatever a library raises over such a file
         raise DamagedError(entry.name, f"cannot be read: {type(error).__name__}: {error!s:.300}") from error

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.bounds import Budget, DamagedError, DatasetError, MissingPackageError, inside, read_inside
+from app.datasets.bounds import Budget, DamagedError, DatasetError, inside, read_inside
 from app.datasets.columns import ColumnEpisode, Columns, FeatureMap, trajectory_of
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel, checked_metadata, rgb_png
@@ -231,7 +231,7 @@ def _tracked(columns: Columns, names: list[str]) -> list[dict[str, str]]:
 
 
 def first_image(info: Info, place: Place, budget: Budget, feature: str) -> bytes:
-    """Return the episode's encoded first image; raises DamagedError, or MissingPackageError for videos without av."""
+    """Return the episode's encoded first image; raises DamagedError."""
     if feature not in info.features:
         raise DamagedError(info.root, f"has no images {feature}")
     if info.features[feature]["dtype"] != "image":
@@ -247,10 +247,8 @@ def first_image(info: Info, place: Place, budget: Budget, feature: str) -> bytes
 
 def _first_picture(info: Info, place: Place, feature: str, budget: Budget) -> bytes:
     """Return the first picture of an episode's video as a PNG."""
-    try:
-        import av
-    except ImportError as error:
-        raise MissingPackageError("videos of LeRobot datasets", "av") from error
+    import av  # of an extra
+
     path, start_s = _video(info, place, feature)
     try:
         with av.open(str(path), container_options=VIDEO_OPTIONS) as container:
@@ -291,7 +289,7 @@ def read_table(path: Path, columns: Sequence[str] | None, budget: Budget) -> Any
         for batch in file.iter_batches(ROWS_AT_ONCE, columns=names):
             budget.take(batch.nbytes, path)
             batches.append(batch)
-        arrow, _ = require_arrow()
+        arrow, _ = arrow_and_parquet()
         return arrow.Table.from_batches(batches, schema=arrow.schema(fields)).select(names)
 
 
@@ -318,7 +316,7 @@ def column_names(path: Path) -> list[str]:
 
 def numbers_of(table: Any, name: str) -> np.ndarray[Any, Any]:  # noqa: ANN401
     """Return the column as (T,) or (T, k) numbers in the stored precision."""
-    arrow, _ = require_arrow()
+    arrow, _ = arrow_and_parquet()
     column = table.column(name).combine_chunks()
     if not arrow.types.is_nested(column.type):
         values: np.ndarray[Any, Any] = column.to_numpy(zero_copy_only=False)
@@ -330,19 +328,17 @@ def numbers_of(table: Any, name: str) -> np.ndarray[Any, Any]:  # noqa: ANN401
     return numbers
 
 
-def require_arrow() -> tuple[Any, Any]:
-    """Return the modules pyarrow and pyarrow.parquet; raises MissingPackageError."""
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError as error:
-        raise MissingPackageError("LeRobot datasets", "pyarrow") from error
+def arrow_and_parquet() -> tuple[Any, Any]:
+    """Return the modules pyarrow and pyarrow.parquet, of an extra."""
+    import pyarrow
+    from pyarrow import parquet
+
     return pyarrow, parquet
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    arrow, parquet = require_arrow()
+    arrow, parquet = arrow_and_parquet()
     if path.exists() and not path.is_file():
         raise DamagedError(path, "is not a regular file")
     limits = {"thrift_string_size_limit": MAX_DESCRIPTION_BYTES, "thrift_container_size_limit": MAX_DESCRIPTION_BYTES}
