@@ -47,7 +47,7 @@ def test_episodes(store, chosen, expected):
     assert [ids.index(item.id) for item in page.items] == expected
 
 
-@pytest.mark.parametrize(("chosen", "expected"), [({"finding": "far-from-objects"}, [2]), ({"cases": True}, [])])
+@pytest.mark.parametrize(("chosen", "expected"), [({"finding": "far-from-objects"}, [2])])
 def test_predictions(store, chosen, expected):
     ids = [prediction_by(store, number) for number in range(3)]
     page = read(store, predictions.list_page, PredictionFilter(**chosen))
