@@ -12,7 +12,7 @@ DEV_STAMP := .venv/.installed-dev
 # Some machines forbid it: then each of the many processes that tests start compiles the whole app, half a second each.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup dev demo serve test robustness format openapi lock docs dist bench world franka clean style types pytest
+.PHONY: setup dev demo serve test robustness format openapi lock docs dist bench world franka clean
 
 setup: $(STAMP)
 
@@ -41,17 +41,6 @@ demo: setup
 serve: setup
 	$(BIN)/roboprompt serve
 
-style: dev
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-
-types: dev
-	$(BIN)/mypy
-
-# Lint and types beside the tests, which wait for other processes now and then.
-test: dev
-	@$(MAKE) --no-print-directory --jobs 2 style types pytest
-
 # What takes long and fails seldom: hostile requests and files, trouble and crashes, several workers and LLM processes, everyday objects
 # in pictures, files of models, benchmarks, container and supply chain checks. The longest files first, so that none is left at the end.
 ROBUSTNESS := tests/perception/registered/test_find.py tests/llm/test_one_answer.py \
@@ -65,10 +54,13 @@ ROBUSTNESS := tests/perception/registered/test_find.py tests/llm/test_one_answer
 PROCESSES := $(shell cores=$$(nproc 2> /dev/null || echo 2); echo $$((cores < 7 ? cores + 1 : 8)))
 PYTEST := $(BIN)/python -m pytest --numprocesses $(PROCESSES) --dist loadfile --no-loadscope-reorder
 
-# Collected once beforehand where nothing is compiled yet: each of the processes would compile it all.
-pytest: dev
+# Types are checked beside the tests, which wait for other processes now and then. Tests are collected once beforehand where nothing is
+# compiled yet: each of the processes would compile it all.
+test: dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	@test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only --quiet > /dev/null
-	$(PYTEST) $(ROBUSTNESS:%=--ignore=%)
+	@$(BIN)/mypy & types=$$!; $(PYTEST) $(ROBUSTNESS:%=--ignore=%); tests=$$?; wait $$types && exit $$tests
 
 robustness: dev docs
 	$(PYTEST) $(ROBUSTNESS)

@@ -7,7 +7,6 @@ import re
 import struct
 import zipfile
 import zlib
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +15,7 @@ from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.trajectory import FIELDS, VALID, Trajectory, trajectory_from_arrays
 
 MAX_UNPACKED_BYTES = 100_000_000  # 600,000 frames; a .npz of 0.3 MB can claim 300 MB
-MAX_DIRECTORY_BYTES = 131_072  # of the archive's directory, whose comment alone may have 64 kB
+ARRAY = "a plain array of numbers"
 # What zipfile raises for damaged archives; RuntimeError: encrypted, ValueError: offsets before the file's beginning.
 _OF_ZIPFILE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error)
 _UNREADABLE = (*_OF_ZIPFILE, EOFError, OSError, RuntimeError, ValueError, OverflowError)
@@ -34,48 +33,27 @@ def trajectory_from_npz(data: bytes, max_unpacked_bytes: int = MAX_UNPACKED_BYTE
     Raises:
         InvalidInputError: naming the array and what is wrong with it.
     """
-    return trajectory_from_arrays(_arrays("trajectory", data, len(FIELDS), max_unpacked_bytes, VALID))
-
-
-def _arrays(
-    field: str, data: bytes, max_arrays: int, max_unpacked_bytes: int, valid: str
-) -> dict[str, npt.NDArray[Any]]:
     if not data:
-        raise InvalidInputError(field, "is empty", valid)
+        raise InvalidInputError("trajectory", "is empty", VALID)
     try:
-        file = _ShortDirectory(data)
-        with zipfile.ZipFile(file) as archive:
-            file.opened = True
-            members = _unpack(field, archive, max_arrays, max_unpacked_bytes, valid)
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = _unpack(archive, max_unpacked_bytes)
     except InvalidInputError:
         raise
     except _UNREADABLE as error:
-        raise InvalidInputError(field, f"is not a readable .npz file: {error}", valid) from None
-    return {name: array_from_npy(f"{field}.{name}", it, "a plain array of numbers") for name, it in members.items()}
+        raise InvalidInputError("trajectory", f"is not a readable .npz file: {error}", VALID) from None
+    arrays = {name: array_from_npy(f"trajectory.{name}", data, ARRAY) for name, data in members.items()}
+    return trajectory_from_arrays(arrays)
 
 
-class _ShortDirectory(io.BytesIO):
-    """A file that cannot be opened as an archive with a long directory: `zipfile` would read every entry at once."""
-
-    opened = False
-
-    def read(self, size: int | None = -1) -> bytes:
-        """Return the next bytes; raises BadZipFile for many at once while the archive is being opened."""
-        if not self.opened and size is not None and size > MAX_DIRECTORY_BYTES:
-            raise zipfile.BadZipFile(f"its directory has {size} bytes, at most {MAX_DIRECTORY_BYTES} are read")
-        return super().read(size)
-
-
-def _unpack(
-    field: str, archive: zipfile.ZipFile, max_arrays: int, max_unpacked_bytes: int, valid: str
-) -> dict[str, bytes]:
+def _unpack(archive: zipfile.ZipFile, max_unpacked_bytes: int) -> dict[str, bytes]:
     members = archive.infolist()
     # an archive may list one array many times, and each entry is unpacked
-    if len(members) > max_arrays:
-        raise InvalidInputError(field, f"has {len(members)} arrays", valid)
+    if len(members) > len(FIELDS):
+        raise InvalidInputError("trajectory", f"has {len(members)} arrays", VALID)
     unpacked = sum(member.file_size for member in members)
     if unpacked > max_unpacked_bytes:
-        raise InvalidInputError(field, f"unpacks to {unpacked} bytes", f"at most {max_unpacked_bytes}")
+        raise InvalidInputError("trajectory", f"unpacks to {unpacked} bytes", f"at most {max_unpacked_bytes}")
     return {member.filename.removesuffix(".npy"): archive.read(member) for member in members}
 
 

@@ -62,7 +62,7 @@ def addresses(url: str) -> Iterator[tuple[str, str]]:
     for number, address in enumerate((
         "tasks", "episodes?task=stack_cube", f"episodes/{episode}#space",
         f"episodes/{episode}#keyframes", f"episodes/{episode}/texts", f"episodes/{episode}/object",
-        "tasks/stack_cube", "tasks/stack_cube/check", "upload",
+        "tasks/stack_cube", "tasks/stack_cube/check",
         "predict?task=stack_cube", "predictions",
         f"predictions/{solved}#space",
     )):  # fmt: skip

@@ -47,11 +47,6 @@ def arrays(trajectory):
     }
 
 
-def hand_arrays(trajectory):
-    """The same of an arm that does not say its joints."""
-    return {name: values for name, values in arrays(trajectory).items() if name != "joint_velocities"}
-
-
 def npz(**named):
     stream = io.BytesIO()
     np.savez_compressed(stream, **named)
@@ -99,8 +94,3 @@ def camera(name="front", width=64, height=48, f=60.0):
 
 def png(image):
     return cv2.imencode(".png", image)[1].tobytes()
-
-
-def jpeg(number=0, width=64, height=48):
-    """A JPEG file of one color that its number decides."""
-    return cv2.imencode(".jpg", np.full((height, width, 3), (40 * number) % 256, np.uint8))[1].tobytes()

@@ -26,7 +26,7 @@ IMPORTED = (
     "app.cli.serve",
     "uvicorn.lifespan.on",
     "uvicorn.loops.auto",
-    "uvicorn.protocols.http.httptools_impl",
+    "uvicorn.protocols.http.h11_impl",
 )
 REQUEST_BYTES = 1 << 18
 NUM_FILES = 4  # standard input, output and error, and where the exit status goes

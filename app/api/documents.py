@@ -7,6 +7,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from app.api.schemas.predictions import StoredPrediction
+from app.api.schemas.responses import EpisodeOut, ListedEpisode
 from app.llm.computed import YARDSTICKS
 from app.pipeline.order.order import Order
 from app.pipeline.prompt import Prompt
@@ -39,17 +41,15 @@ def episode_document(record: EpisodeRecord, settings: TaskSettings) -> JsonObjec
     demonstration = replace(demonstration, objects=settings.canonical(demonstration.objects))
     prompt_format = "authors" if settings.prompt_format == "authors" else "paper"
     codec = AbsoluteCodec(workspace, (demonstration,), with_instruction=prompt_format == "paper")
-    return {
-        **_fields(record, "id", "task", "instruction", "num_frames", "control_frequency_hz"),
-        "keyframes": [_keyframe(item, workspace) for item in record.keyframes],
-        "objects": [_object(item, workspace) for item in record.objects],
-        "cameras": [camera.name for camera in record.cameras],
-        **({} if record.extra is None else _fields(record, "extra")),
-        **_fields(record, "prediction_id", "corrects", "left_out", "note", "uploaded_instruction"),
-        "observation_text": codec.observation_text(demonstration),
-        "actions_text": codec.actions_text(demonstration),
-        "created_at": record.created_at.isoformat(),
-    }
+    return answer(
+        ListedEpisode if record.extra is None else EpisodeOut,
+        record,
+        keyframes=[_keyframe(item, workspace) for item in record.keyframes],
+        objects=[_object(item, workspace) for item in record.objects],
+        cameras=[camera.name for camera in record.cameras],
+        observation_text=codec.observation_text(demonstration),
+        actions_text=codec.actions_text(demonstration),
+    )
 
 
 def metadata_document(record: EpisodeRecord) -> JsonObject:
@@ -120,14 +120,9 @@ def _asked(question: Question, prompt: Prompt) -> JsonObject:
         "model": question.known.profile.name,
         **_fields(question.known.style, "representation", "prompt_format"),
         "demonstration_ids": list(question.prefix.demonstration_ids),
-        "prompt": _prompt(prompt.system, prompt.user),
+        "prompt": {"system": prompt.system, "user": prompt.user},
         "prefix_hash": question.prefix.cache_key,
     }
-
-
-def _prompt(system: str, user: str) -> JsonObject | None:
-    """A `PromptOut`; None for a question that was refused before its prompt was written."""
-    return {"system": system, "user": user} if user else None
 
 
 def understood_document(order: Order) -> JsonObject:
@@ -166,19 +161,13 @@ def stored_prediction_document(record: PredictionRecord) -> JsonObject:
     if record.outcome_success is not None and record.outcome_at is not None:
         recorded_at = record.outcome_at.isoformat()
         outcome = {"success": record.outcome_success, "note": record.outcome_note, "recorded_at": recorded_at}
-    same = ("id", "task", "instruction", "status", "error", "model", "representation", "prompt_format", "reply_text")
-    return {
-        **_fields(record, *same),
+    return answer(
+        StoredPrediction,
+        record,
         **understood_document(Order.from_json(record.grounding, ())),
-        "demonstration_ids": list(record.demonstration_ids),
-        "prompt": _prompt(record.prompt_system, record.prompt_user),
-        "actions": None if record.actions is None else list(record.actions),
-        "objects": [item.to_json() for item in record.objects],
-        "cameras": [item.name for item in record.cameras],
-        "usage": record.tokens,
-        "timings_ms": record.timings_ms,
-        "findings": list(record.findings),
-        "request": record.request,
-        "outcome": outcome,
-        "created_at": record.created_at.isoformat(),
-    }
+        prompt={"system": record.prompt_system, "user": record.prompt_user},
+        objects=[item.to_json() for item in record.objects],
+        cameras=[item.name for item in record.cameras],
+        usage=record.tokens,
+        outcome=outcome,
+    )

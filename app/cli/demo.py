@@ -19,12 +19,11 @@ from rich.console import Console
 
 from app.cli.shared import AsJson, check_models, check_names, progress_bars
 from app.evaluation.ledger import Ledger
-from app.evaluation.methods import with_poses
+from app.evaluation.methods import methods_beside, with_poses
 from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.results import Evaluation
 from app.evaluation.run import PlanRun, executor_of
 from app.evaluation.server import running_server, service
-from app.evaluation.sweeps import methods_beside
 from app.evaluation.tables import results_table, sweep_summary
 from app.sim.tasks import TASKS
 from app.sim.world import BASE_POSITION_M

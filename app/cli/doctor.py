@@ -1,8 +1,6 @@
 """`roboprompt doctor`: what is missing or wrong on this machine, and how to repair it."""
 
 import os
-import shutil
-import socket
 import stat
 import subprocess
 import sys
@@ -12,9 +10,8 @@ from contextlib import closing
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-import httpx
 import typer
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
@@ -25,7 +22,7 @@ from rich.table import Table
 from sqlalchemy import make_url
 from sqlalchemy.exc import ArgumentError
 
-from app.cli.shared import DOT_ENV, Data, EnvFile, check_port, is_installed, packages_of_extras
+from app.cli.shared import DOT_ENV, Data, EnvFile, is_installed, packages_of_extras
 from app.llm.llama.weights import find_weights
 from app.llm.llm_settings import ENV_PREFIX
 from app.llm.registry import ModelRegistry
@@ -36,11 +33,9 @@ from app.store.tables import metadata
 from roboprompt_client.errors import RoboPromptError
 from roboprompt_client.version import VERSION
 
-MIN_MEMORY_GB = 1.0  # measured: 0.8 with one worker and the embedded LLM
 PATIENCE_S = 60.0
 RENDERS = "import sys; from app.sim.rendering import opengl_works; sys.exit(not opengl_works())"
 COLORS = {"ok": "green", "missing": "yellow", "wrong": "yellow"}
-MIN_FREE_GB = 1.0  # the weights take 0.6 of it when they are first unpacked
 CLIENTS_OWN = {"api_key"}  # read by roboprompt-client
 LIBRARY = "import xllamacpp"
 WHAT_FOR = {
@@ -69,7 +64,6 @@ class Probe:
 
 
 def doctor(
-    port: Annotated[int, typer.Option(callback=check_port, help="that `roboprompt serve` is to listen on")] = 8000,
     data: Data = None,
     env_file: EnvFile = None,
 ) -> None:
@@ -86,7 +80,7 @@ def doctor(
     for column in table.columns:
         column.overflow = "fold"
     failed = 0
-    for found in (*check_service(data), *check_machine(port)):
+    for found in check(data):
         fails = found.required and found.state != "ok"
         failed += fails
         color = "red" if fails else COLORS[found.state]
@@ -101,8 +95,8 @@ def doctor(
         raise typer.Exit(1)
 
 
-def check_service(data: Path | None) -> Iterator[Probe]:
-    """Check settings, LLM, store, disks and extras; if the settings are wrong, the others with default settings."""
+def check(data: Path | None) -> Iterator[Probe]:
+    """Check settings, LLM, store, extras and OpenGL; if the settings are wrong, the others with default settings."""
     try:
         settings = Settings() if data is None else Settings(data=data)
     except ValidationError as error:
@@ -116,9 +110,9 @@ def check_service(data: Path | None) -> Iterator[Probe]:
     yield model(settings)
     yield data_folder(settings.data)
     yield database(settings)
-    for folder in dict.fromkeys((settings.data, settings.cache_folder)):
-        yield disk(folder)
     yield from extras(settings)
+    if is_installed("mujoco"):
+        yield opengl()
 
 
 def misspelled(environment: Mapping[str, str]) -> Iterator[Probe]:
@@ -198,13 +192,6 @@ def database(settings: Settings) -> Probe:
     return Probe("database", "ok", f"answers, at revision {revision}")
 
 
-def disk(folder: Path) -> Probe:
-    """Whether the disk of a folder has enough free space."""
-    free_gb = shutil.disk_usage(_nearest(folder)).free / 1e9
-    remedy = f"free {MIN_FREE_GB:g} GB, or name a folder on another disk"
-    return Probe(f"disk of {folder}", "ok" if free_gb >= MIN_FREE_GB else "wrong", f"{free_gb:.1f} GB free", remedy)
-
-
 def extras(settings: Settings) -> Iterator[Probe]:
     """Whether each extra is installed, and whether the settings need it."""
     needed = {
@@ -222,52 +209,6 @@ def extras(settings: Settings) -> Iterator[Probe]:
 def _nearest(folder: Path) -> Path:
     """Return the folder, or the nearest existing one above it."""
     return next(place for place in (folder, *folder.absolute().parents) if place.exists())
-
-
-def check_machine(port: int) -> Iterator[Probe]:
-    """Check memory, port and OpenGL."""
-    yield memory(Path("/proc/meminfo"), Path("/sys/fs/cgroup/memory.max"))
-    yield listening(port)
-    if is_installed("mujoco"):
-        yield opengl()
-
-
-def memory(meminfo: Path, limit: Path) -> Probe:
-    """The memory that Linux says is available, within a container's limit."""
-    try:
-        lines = dict(line.split(":", 1) for line in meminfo.read_text().splitlines())
-        free_gb = int(lines["MemAvailable"].split()[0]) * 1024 / 1e9
-    except (OSError, KeyError, ValueError):
-        return Probe("memory", "missing", "this system does not say how much is available", "nothing", required=False)
-    if limit.is_file() and (text := limit.read_text().strip()).isdigit():
-        free_gb = min(free_gb, int(text) / 1e9)
-    seen = f"{free_gb:.1f} GB available"
-    remedy = f"end other programs, or raise the container's limit, to {MIN_MEMORY_GB:g} GB or more"
-    return Probe("memory", "ok" if free_gb >= MIN_MEMORY_GB else "wrong", seen, remedy)
-
-
-def listening(port: int) -> Probe:
-    """Whether the port is free, or a RoboPrompt service's."""
-    name = f"port {port}"
-    try:
-        with socket.socket() as listener:
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind(("127.0.0.1", port))
-    except PermissionError as error:
-        return Probe(name, "wrong", str(error), "choose one above 1023: roboprompt serve --port 8001")
-    except OSError:
-        if _is_ours(port):
-            return Probe(name, "ok", "a RoboPrompt service answers there")
-        return Probe(name, "wrong", "another program listens there", f"end it, or roboprompt serve --port {port + 1}")
-    return Probe(name, "ok", "free")
-
-
-def _is_ours(port: int) -> bool:
-    try:
-        with httpx.Client(trust_env=False, timeout=2) as http:
-            return "checks" in http.get(f"http://127.0.0.1:{port}/healthz").json()
-    except (httpx.HTTPError, ValueError, TypeError):
-        return False
 
 
 def opengl() -> Probe:

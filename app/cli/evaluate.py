@@ -17,10 +17,9 @@ import typer
 from rich.console import Console
 
 from app.cli.shared import INTERRUPTED, check_models, check_names, errors_printed, progress_bars, service_at
-from app.evaluation.methods import Method, with_noise, with_poses, with_shift
+from app.evaluation.methods import SIMPLE_NAMES, SWEEPS, Method, chosen, with_noise, with_poses, with_shift
 from app.evaluation.plan import Plan
 from app.evaluation.sweep_run import SweepResult, SweepRun
-from app.evaluation.sweeps import SIMPLE_NAMES, SWEEPS, chosen
 from app.evaluation.tables import results_table, sweep_summary
 from app.evaluation.world import Panda, World, world_named
 from app.sim.shift import can_shift
@@ -119,10 +118,11 @@ def evaluate(**options: Any) -> None:  # noqa: ANN401
         plan = _plan(asked)
     except InvalidInputError as error:
         raise typer.BadParameter(str(error), param_hint=f"--{error.field.rpartition('.')[2]}") from error
-    if asked.url is not None:
+    if asked.url is None:
+        check_models(asked.model or ())
+    else:
         with service_at(asked.url) as client:
             client.ping()
-    check_models(asked.model or (), asked.url)
     with errors_printed(), progress_bars(console, PACE_S) as progress:
         result = SweepRun(asked.sweep_name, plan, asked.folder, asked.url)(progress)
     _print_results(console, result, asked)

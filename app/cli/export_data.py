@@ -14,7 +14,7 @@ from rich.console import Console
 
 from app.cli.shared import AsJson, Url, counted, if_there, paged_items, service_at
 from app.datasets.archive import write_archive
-from app.datasets.lerobot.writer import write_lerobot
+from app.datasets.lerobot_writer import write_lerobot
 from app.datasets.parcel import Parcel
 from app.services.task_settings import TaskSettings
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient

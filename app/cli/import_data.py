@@ -3,31 +3,28 @@
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import typer
 from rich.console import Console
 
-from app.cli.shared import INTERRUPTED, AsJson, Url, check_names, counted, errors_printed, if_there
+from app.cli.shared import INTERRUPTED, AsJson, Url, counted, errors_printed, if_there
 from app.datasets.bounds import MAX_UNPACKED_BYTES, MEGABYTE, DamagedError, DatasetError
-from app.datasets.formats import FORMATS, open_dataset
-from app.datasets.options import ImportOptions, KnownObjects, read_changes, read_objects
+from app.datasets.formats import open_dataset
+from app.datasets.options import ImportOptions, KnownObjects, read_mapping, read_objects
 from app.datasets.parcel import Dataset, Entry, Parcel, canonical_json
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.client import DEFAULT_URL, RoboPromptClient
 from roboprompt_client.errors import InvalidInputError, RoboPromptError, ServiceProblemError, ServiceUnreachableError
 
-Status = Literal["imported", "already_there", "damaged", "refused"]
+MAX_SHOWN = 10  # episodes on the terminal that were not imported; --json has all
 _MEDIA_TYPE = "application/octet-stream"
-MAX_SHOWN = 10  # reasons on the terminal; --json has all
 
 
-@dataclass(frozen=True)
-class ImportResult:
+class ImportResult(NamedTuple):
     """The outcome of one episode.
 
     Attributes:
@@ -37,92 +34,11 @@ class ImportResult:
     """
 
     name: str
-    status: Status
+    status: Literal["imported", "already_there", "damaged", "refused"]
     detail: str = ""
-    notes: tuple[str, ...] = ()
-    frames: int = 0
-    keyframes: int = 0
     task: str = ""
-
-
-def import_dataset(dataset: Dataset, client: RoboPromptClient) -> Iterator[ImportResult]:
-    """Upload every episode in its order; damaged and refused ones are skipped.
-
-    Raises:
-        ServiceUnreachableError: in the middle, if the service goes away; what was sent stays.
-    """
-    return (_outcome(entry, partial(_send, client)) for entry in dataset.entries)
-
-
-def check_dataset(dataset: Dataset) -> Iterator[ImportResult]:
-    """Yield the outcomes of an import, as far as they are known without the service."""
-    return (_outcome(entry, _check) for entry in dataset.entries)
-
-
-def prepare_tasks(dataset: Dataset, client: RoboPromptClient) -> list[str]:
-    """Create the tasks whose settings the dataset brings; returns what the user should know.
-
-    Raises:
-        ServiceProblemError, ServiceUnreachableError.
-    """
-    notes = []
-    for name, settings in dataset.task_settings.items():
-        there = if_there(partial(client.get, f"/tasks/{name}"))
-        if there is None:
-            client.configure_task(name, **settings)
-            continue
-        differing = [key for key, value in settings.items() if canonical_json(there.get(key)) != canonical_json(value)]
-        if differing:
-            notes.append(f"task {name!r} exists with other settings, which stay: {', '.join(differing)}")
-    return notes
-
-
-def _outcome(entry: Entry, handle: Callable[[str, Parcel], ImportResult]) -> ImportResult:
-    try:
-        parcel = _read(entry)
-        if not parcel.metadata["objects"]:
-            reason = "the dataset names no objects: give their poses, mask ids or names with --objects FILE"
-            return ImportResult(entry.name, "refused", reason, task=str(parcel.metadata["task"]))
-        return handle(entry.name, parcel)
-    except DamagedError as error:
-        return ImportResult(entry.name, "damaged", str(error))
-    except InvalidInputError as error:
-        return ImportResult(entry.name, "refused", str(error))
-
-
-def _read(entry: Entry) -> Parcel:
-    try:
-        return entry.read()
-    except RoboPromptError:
-        raise
-    except Exception as error:  # whatever a library raises over such a file
-        raise DamagedError(entry.name, f"cannot be read: {type(error).__name__}: {error!s:.300}") from error
-
-
-def _send(client: RoboPromptClient, name: str, parcel: Parcel) -> ImportResult:
-    task, key = str(parcel.metadata["task"]), parcel.key
-    try:
-        if client.get("/episodes", upload_key=key)["episodes"]:
-            return ImportResult(name, "already_there", notes=parcel.notes, task=task)
-        metadata = ("metadata.json", canonical_json(parcel.metadata), "application/json")
-        files = {part: (part, data, _MEDIA_TYPE) for part, data in parcel.files.items()}
-        answer: dict[str, Any] = client.upload_parts({"metadata": metadata, **files}, key)
-    except ServiceProblemError as error:
-        return ImportResult(name, "refused", str(error), parcel.notes, task=task)
-    counts = (answer["num_frames"], len(answer["keyframes"]))
-    return ImportResult(name, "imported", "", parcel.notes, *counts, task)
-
-
-def _check(name: str, parcel: Parcel) -> ImportResult:
-    task, objects, notes = str(parcel.metadata["task"]), parcel.metadata["objects"], parcel.notes
-    trajectory = trajectory_from_npz(parcel.files["trajectory"])
-    motion = Motion.of(trajectory, float(parcel.metadata.get("control_frequency_hz", 20.0)))
-    keyframes = find_keyframes(motion, KeyframeRule())
-    unknown = [item["name"] for item in objects if item.get("position") is None and not item.get("mask_ids")]
-    if unknown:
-        missing = f"no poses or mask ids of {', '.join(unknown)}"
-        notes += (f"{missing}: the task's object models must find them in the images",)
-    return ImportResult(name, "imported", "", notes, len(trajectory), len(keyframes), task)
+    notes: tuple[str, ...] = ()
+    keyframes: int = 0
 
 
 def import_data(
@@ -131,13 +47,7 @@ def import_data(
     task: Annotated[str | None, typer.Option(help="instead of the task that the dataset names")] = None,
     instruction: Annotated[str | None, typer.Option(help="instead of the dataset's")] = None,
     objects: Annotated[Path | None, typer.Option(help="JSON: names, mask ids or poses, see docs/datasets.md")] = None,
-    camera: Annotated[list[str] | None, typer.Option(help="only its images; may be repeated; default: all")] = None,
     mapping: Annotated[Path | None, typer.Option(help="JSON: which columns are what, see docs/datasets.md")] = None,
-    feature: Annotated[
-        list[str] | None,
-        typer.Option(help="PART=COLUMN, overrides the mapping, e.g. gripper=action[6]; may be repeated"),
-    ] = None,
-    form: Annotated[str | None, typer.Option("--format", help=", ".join(FORMATS))] = None,
     max_unpacked_mb: Annotated[
         float, typer.Option(min=1, help="what the files of an episode may unpack to")
     ] = MAX_UNPACKED_BYTES / MEGABYTE,
@@ -148,15 +58,12 @@ def import_data(
 
     A damaged file is named and skipped; the exit status is 1 if anything could not be imported.
     """
-    check_names("--format", [] if form is None else [form], FORMATS)
     console = Console(stderr=as_json)
     with errors_printed():
         known = KnownObjects() if objects is None else read_objects(objects)
-        changes = read_changes(mapping, tuple(feature or ()))
-        cameras = None if camera is None else tuple(camera)
-        limit_bytes = int(max_unpacked_mb * MEGABYTE)
-        dataset = open_dataset(path, ImportOptions(task, instruction, known, cameras, changes, limit_bytes), form)
-        summary = _import(dataset, None if dry_run else url, console)
+        features = {} if mapping is None else read_mapping(mapping)
+        options = ImportOptions(task, instruction, known, features, int(max_unpacked_mb * MEGABYTE))
+        summary = _import(open_dataset(path, options), None if dry_run else url, console)
     _report(console, summary)
     if as_json:
         print(json.dumps(summary))  # noqa: T201
@@ -177,9 +84,10 @@ def _import(dataset: Dataset, url: str | None, console: Console) -> dict[str, An
         else:
             with RoboPromptClient(url) as client:
                 client.ping()
-                for note in prepare_tasks(dataset, client):
+                for note in _prepare_tasks(dataset, client):
                     console.print(note, markup=False, soft_wrap=True)
-                results.extend(counted(import_dataset(dataset, client), total, "importing", console))
+                sent = (_outcome(entry, partial(_send, client)) for entry in dataset.entries)
+                results.extend(counted(sent, total, "importing", console))
     except (DatasetError, ServiceUnreachableError, ServiceProblemError) as error:
         stopped = str(error)
     except KeyboardInterrupt:
@@ -187,51 +95,101 @@ def _import(dataset: Dataset, url: str | None, console: Console) -> dict[str, An
     return {"dry_run": url is None, **_summary(dataset, results), "stopped": stopped}
 
 
+def check_dataset(dataset: Dataset) -> Iterator[ImportResult]:
+    """Yield the outcomes of an import, as far as they are known without the service."""
+    return (_outcome(entry, _check) for entry in dataset.entries)
+
+
+def _prepare_tasks(dataset: Dataset, client: RoboPromptClient) -> Iterator[str]:
+    """Create the tasks whose settings the dataset brings; yields what the user should know."""
+    for name, settings in dataset.task_settings.items():
+        there = if_there(partial(client.get, f"/tasks/{name}"))
+        if there is None:
+            client.configure_task(name, **settings)
+            continue
+        differing = [key for key, value in settings.items() if canonical_json(there.get(key)) != canonical_json(value)]
+        if differing:
+            yield f"task {name!r} exists with other settings, which stay: {', '.join(differing)}"
+
+
+def _outcome(entry: Entry, handle: Callable[[str, Parcel], ImportResult]) -> ImportResult:
+    try:
+        parcel = _read(entry)
+        if not parcel.metadata["objects"]:
+            reason = "the dataset names no objects: give their poses, mask ids or names with --objects FILE"
+            return ImportResult(entry.name, "refused", reason)
+        return handle(entry.name, parcel)
+    except DamagedError as error:
+        return ImportResult(entry.name, "damaged", str(error))
+    except (InvalidInputError, ServiceProblemError) as error:
+        return ImportResult(entry.name, "refused", str(error))
+
+
+def _read(entry: Entry) -> Parcel:
+    try:
+        return entry.read()
+    except (RoboPromptError, ModuleNotFoundError):  # the latter names an extra
+        raise
+    except Exception as error:  # whatever a library raises over such a file
+        raise DamagedError(entry.name, f"cannot be read: {type(error).__name__}: {error!s:.300}") from error
+
+
+def _send(client: RoboPromptClient, name: str, parcel: Parcel) -> ImportResult:
+    task, key = str(parcel.metadata["task"]), parcel.key
+    if client.get("/episodes", upload_key=key)["episodes"]:
+        return ImportResult(name, "already_there", "", task, parcel.notes)
+    metadata = ("metadata.json", canonical_json(parcel.metadata), "application/json")
+    files = {part: (part, data, _MEDIA_TYPE) for part, data in parcel.files.items()}
+    answer: dict[str, Any] = client.upload_parts({"metadata": metadata, **files}, key)
+    return ImportResult(name, "imported", "", task, parcel.notes, len(answer["keyframes"]))
+
+
+def _check(name: str, parcel: Parcel) -> ImportResult:
+    notes = parcel.notes
+    trajectory = trajectory_from_npz(parcel.files["trajectory"])
+    motion = Motion.of(trajectory, float(parcel.metadata.get("control_frequency_hz", 20.0)))
+    objects = parcel.metadata["objects"]
+    unknown = [item["name"] for item in objects if item.get("position") is None and not item.get("mask_ids")]
+    if unknown:
+        missing = f"no poses or mask ids of {', '.join(unknown)}"
+        notes += (f"{missing}: the task's object models must find them in the images",)
+    keyframes = len(find_keyframes(motion, KeyframeRule()))
+    return ImportResult(name, "imported", "", str(parcel.metadata["task"]), notes, keyframes)
+
+
 def _summary(dataset: Dataset, results: Sequence[ImportResult]) -> dict[str, Any]:
-    def of(status: str) -> list[ImportResult]:
-        return [item for item in results if item.status == status]
-
     def listed(status: str) -> list[dict[str, str]]:
-        return [{"episode": item.name, "reason": item.detail} for item in of(status)]
+        return [{"episode": item.name, "reason": item.detail} for item in results if item.status == status]
 
+    numbers = Counter(item.status for item in results)
     unlisted = [{"episode": message.partition(":")[0], "reason": message} for message in dataset.damaged]
-    imported = of("imported")
     return {
         "format": dataset.format,
         "episodes": len(dataset.entries) + len(dataset.damaged),
-        "imported": len(imported),
-        "already_there": len(of("already_there")),
+        "imported": numbers["imported"],
+        "already_there": numbers["already_there"],
         "damaged": unlisted + listed("damaged"),
         "refused": listed("refused"),
         "missing": dict(Counter(note for item in results for note in item.notes)),
-        "tasks": dict(Counter(item.task for item in results if item.status in ("imported", "already_there"))),
-        "frames": sum(item.frames for item in imported),
-        "keyframes": sum(item.keyframes for item in imported),
+        "tasks": dict(Counter(item.task for item in results if item.task)),
+        "keyframes": sum(item.keyframes for item in results),
     }
 
 
 def _report(console: Console, summary: dict[str, Any]) -> None:
-    def say(line: str) -> None:
-        console.print(line, markup=False, highlight=False, soft_wrap=True)
-
+    lines = []
     for kind in ("damaged", "refused"):
-        grouped: dict[str, list[str]] = {}
-        for item in summary[kind]:
-            grouped.setdefault(item["reason"], []).append(item["episode"])
-        for reason, names in list(grouped.items())[:MAX_SHOWN]:
-            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-            say(f"{kind}: {names[0]}{more}: {reason}")
-        if len(grouped) > MAX_SHOWN:
-            say(f"{kind}: more for {len(grouped) - MAX_SHOWN} other reasons, listed by --json")
-    for note, number in summary["missing"].items():
-        say(f"missing in {number}: {note}")
+        lines += [f"{kind}: {item['episode']}: {item['reason']}" for item in summary[kind][:MAX_SHOWN]]
+        if (more := len(summary[kind]) - MAX_SHOWN) > 0:
+            lines.append(f"{kind}: {more} more, listed by --json")
+    lines += [f"missing in {number}: {note}" for note, number in summary["missing"].items()]
     verb = "would be imported" if summary["dry_run"] else "imported"
     tasks = ", ".join(f"{name} ({number})" for name, number in summary["tasks"].items()) or "none"
-    size = f"{summary['frames']} frames, {summary['keyframes']} keyframes"
-    say(
-        f"{summary['format']}, {summary['episodes']} episodes: {summary['imported']} {verb} ({size}), "
-        f"{summary['already_there']} already there, "
+    lines.append(
+        f"{summary['format']}, {summary['episodes']} episodes: {summary['imported']} {verb} "
+        f"({summary['keyframes']} keyframes), {summary['already_there']} already there, "
         f"{len(summary['damaged'])} damaged, {len(summary['refused'])} refused; tasks: {tasks}"
     )
     if summary["stopped"]:
-        say(f"stopped: {summary['stopped']}; the same command goes on from here")
+        lines.append(f"stopped: {summary['stopped']}; the same command goes on from here")
+    console.print(*lines, sep="\n", markup=False, highlight=False, soft_wrap=True)

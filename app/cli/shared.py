@@ -51,15 +51,17 @@ def check_port(port: int) -> int:
     return port
 
 
-def check_models(names: Sequence[str], url: str | None = None) -> None:
-    """Refuse a model that does not exist or cannot be used here.
+def check_models(names: Sequence[str]) -> None:
+    """Refuse a model that does not exist or cannot be used here, with this environment's settings."""
+    from app.llm.base import LanguageModelError
+    from app.llm.registry import ModelRegistry
 
-    Args:
-        url: of the service that will ask them; None: the command's own service, with this environment's settings.
-    """
+    registry = ModelRegistry(Settings())
     for name in dict.fromkeys(names):
-        if (reason := _why_not(name) if url is None else _why_not_there(name, url)) is not None:
-            raise typer.BadParameter(reason, param_hint="--model")
+        try:
+            registry.profile(name)
+        except LanguageModelError as error:
+            raise typer.BadParameter(str(error), param_hint="--model") from error
 
 
 @contextmanager
@@ -88,30 +90,6 @@ def paged_items(client: RoboPromptClient, path: str, **query: object) -> Iterato
         if page["next_cursor"] is None:
             return
         asked["cursor"] = page["next_cursor"]
-
-
-def _why_not(name: str) -> str | None:
-    from app.llm.base import LanguageModelError
-    from app.llm.registry import ModelRegistry
-
-    try:
-        ModelRegistry(Settings()).profile(name)
-    except LanguageModelError as error:
-        return str(error)
-    return None
-
-
-def _why_not_there(name: str, url: str) -> str | None:
-    """Return why the service cannot use the model; names that a backend may know beyond its list are accepted."""
-    with RoboPromptClient(url) as client:
-        offered = {model["name"]: model for model in client.get("/models")["models"]}
-    if name in offered:
-        model = offered[name]
-        return None if model["available"] else f"{name}: {model['reason']}"
-    backend, slash, _ = name.partition("/")
-    if slash and any(other.startswith(f"{backend}/") for other in offered):
-        return None
-    return f"there is no model {name!r}; there are {', '.join(offered)}"
 
 
 def settings_of(data: Path | None, env_file: Path | None) -> Settings:

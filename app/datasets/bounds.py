@@ -26,13 +26,6 @@ class DatasetError(RoboPromptError):
         super().__init__("".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in message))
 
 
-class MissingPackageError(DatasetError):
-    """A format (`purpose`, e.g. "LeRobot datasets") needs a package that is not installed."""
-
-    def __init__(self, purpose: str, requirement: str) -> None:
-        super().__init__(f"{purpose} need a package that is not installed: pip install {requirement}")
-
-
 class DamagedError(DatasetError):
     """One file of a dataset is damaged or incomplete; others can be read."""
 

@@ -125,10 +125,9 @@ class ColumnEpisode:
         if (text := options.instruction or self.instruction) is None:
             raise InvalidInputError("instruction", "the dataset names none", "--instruction 'what the robot does'")
         trajectory = trajectory_of(self.columns, mapping, self.frequency_hz)
-        shown = [item for item in mapping.cameras if options.wants(item.camera.name)]
         images = {
             f"{kind}_{item.camera.name}": self.image(column)
-            for item in shown
+            for item in mapping.cameras
             for kind, column in (("rgb", item.rgb), ("depth", item.depth))
             if column is not None
         }
@@ -138,7 +137,7 @@ class ColumnEpisode:
             trajectory=trajectory,
             control_frequency_hz=self.frequency_hz,
             objects=objects_of(trajectory, mapping) or options.objects.of(self.name),
-            cameras=[item.camera for item in shown],
+            cameras=[item.camera for item in mapping.cameras],
             images=images,
             extra={"source": self.source, "episode": self.name},
             notes=tuple(self._lacking(mapping)),
@@ -166,7 +165,7 @@ def trajectory_of(columns: Columns, mapping: FeatureMap, frequency_hz: float) ->
 
     def required(part: str, why: str = "the mapping names no column") -> Array:
         if (found := column(part)) is None:
-            raise InvalidInputError(part, why, f"--feature {part}=COLUMN, one of {', '.join(columns)}")
+            raise InvalidInputError(part, why, f"a mapping of {part} to one of {', '.join(columns)}")
         return found
 
     positions, times_s, velocities = column("joint_positions"), column("timestamps"), column("joint_velocities")

@@ -4,9 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from app.datasets import archive, rlbench, robomimic
+from app.datasets import archive, lerobot, rlbench, robomimic
 from app.datasets.bounds import DatasetError
-from app.datasets.lerobot import reader as lerobot
 from app.datasets.options import ImportOptions
 from app.datasets.parcel import Dataset
 
@@ -26,12 +25,11 @@ FORMATS = {
 }
 
 
-def open_dataset(path: Path, options: ImportOptions, name: str | None = None) -> Dataset:
-    """Return the dataset at `path`, of the named or detected format; raises DatasetError if there is none."""
+def open_dataset(path: Path, options: ImportOptions) -> Dataset:
+    """Return the dataset at `path`, of the detected format; raises DatasetError if there is none."""
     if not path.exists():
         raise DatasetError(f"{path} does not exist")
-    named = FORMATS if name is None else {name: FORMATS[name]}
-    found = next((item for item in named.values() if name or item.looks_like(path)), None)
+    found = next((item for item in FORMATS.values() if item.looks_like(path)), None)
     if found is None:
         raise DatasetError(f"{path} is of no known format ({', '.join(FORMATS)}): see docs/datasets.md")
     dataset = found.open(path, options)

@@ -53,7 +53,6 @@ class ImportOptions:
     Attributes:
         task, instruction: override those of the dataset.
         objects: that the dataset does not contain.
-        cameras: only these; None for all.
         features: changes of the mapping of columns, as JSON, for formats with columns.
         max_unpacked_bytes: of an episode, or of the list of episodes.
     """
@@ -61,7 +60,6 @@ class ImportOptions:
     task: str | None = None
     instruction: str | None = None
     objects: KnownObjects = field(default_factory=KnownObjects)
-    cameras: tuple[str, ...] | None = None
     features: Mapping[str, Any] = field(default_factory=dict)
     max_unpacked_bytes: int = MAX_UNPACKED_BYTES
 
@@ -70,9 +68,6 @@ class ImportOptions:
         """The parts of an episode's metadata that the user overrides."""
         said = {"task": self.task, "instruction": self.instruction}
         return {name: value for name, value in said.items() if value is not None}
-
-    def wants(self, camera: str) -> bool:
-        return self.cameras is None or camera in self.cameras
 
 
 def read_objects(path: Path) -> KnownObjects:
@@ -113,17 +108,9 @@ def as_name(text: str) -> str:
     return name if NAME_PATTERN.fullmatch(name) else text
 
 
-def read_changes(path: Path | None, pairs: tuple[str, ...]) -> dict[str, Any]:
-    """Return the mapping of columns of a JSON file, overridden by pairs `part=column`; raises DatasetError."""
-    changes: dict[str, Any] = {}
-    if path is not None:
-        try:
-            changes.update(json.loads(path.read_text()))
-        except (OSError, ValueError, TypeError) as error:
-            raise DatasetError(f"{path}: {error}") from error
-    for pair in pairs:
-        part, equals, column = pair.partition("=")
-        if not equals:
-            raise DatasetError(f"--feature {pair!r}: write part=column, e.g. gripper=action[6]")
-        changes[part] = float(column) if part.startswith("gripper_open") else column
-    return changes
+def read_mapping(path: Path) -> dict[str, Any]:
+    """Return the mapping of columns of a JSON file; raises DatasetError."""
+    try:
+        return dict(json.loads(path.read_text()))
+    except (OSError, ValueError, TypeError) as error:
+        raise DatasetError(f"{path}: {error}") from error

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from app.datasets.bounds import Budget, DamagedError, DatasetError, MissingPackageError
+from app.datasets.bounds import Budget, DamagedError, DatasetError
 from app.datasets.columns import ColumnEpisode, FeatureMap
 from app.datasets.options import ImportOptions, as_name
 from app.datasets.parcel import Dataset, Entry, Parcel, depth_png, rgb_png
@@ -35,14 +35,10 @@ _OBJECT = re.compile(r"obs/(?!robot\d)(?P<name>(?!.*_to_).+)_pos")
 _WORD = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 
 
-def open_file(path: object) -> Any:  # noqa: ANN401
-    """Open the file with h5py; raises MissingPackageError, OSError."""
-    return _h5py().File(path, "r")
-
-
 def child(group: Any, name: str, links_left: int = MAX_LINKS) -> Any:  # noqa: ANN401
     """Return a member of a group; raises DamagedError for a link to another file, KeyError for no member."""
-    h5py = _h5py()
+    import h5py  # of an extra
+
     where = f"{group.file.filename}: {group.name.rstrip('/')}/{name}"
     if not isinstance(group, h5py.Group):
         raise DamagedError(group.file.filename, f"{group.name} is no group")
@@ -75,17 +71,11 @@ def numbers(dataset: Any, budget: Budget, *, first: bool = False) -> np.ndarray[
 
 def _own(item: Any, where: str) -> Any:  # noqa: ANN401
     """Return `item`; raises DamagedError if its data are in another file."""
-    if isinstance(item, _h5py().Dataset) and (item.external or item.is_virtual):
+    import h5py
+
+    if isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
         raise DamagedError(where, "takes its numbers from another file: copy them into this one")
     return item
-
-
-def _h5py() -> Any:  # noqa: ANN401
-    try:
-        import h5py
-    except ImportError as error:
-        raise MissingPackageError("HDF5 files", "h5py") from error
-    return h5py
 
 
 def looks_like(path: Path) -> bool:
@@ -95,8 +85,10 @@ def looks_like(path: Path) -> bool:
 
 def open_robomimic(path: Path, options: ImportOptions) -> Dataset:
     """Return the demonstrations in the order of their numbers; raises DatasetError for a file without `data`."""
+    import h5py
+
     try:
-        with open_file(path) as file:
+        with h5py.File(path, "r") as file:
             data = child(file, "data")
             names = sorted(data, key=lambda name: [int(n) for n in re.findall(r"\d+", name)])
             described = dict(json.loads(data.attrs.get("env_args", "{}")))
@@ -106,9 +98,11 @@ def open_robomimic(path: Path, options: ImportOptions) -> Dataset:
 
 
 def _read(path: Path, name: str, described: dict[str, Any], options: ImportOptions) -> Parcel:
+    import h5py
+
     where = f"{path}: data/{name}"
     try:
-        with open_file(path) as file:
+        with h5py.File(path, "r") as file:
             columns, images = _columns(child(child(file, "data"), name), Budget(where, options.max_unpacked_bytes))
     except (OSError, KeyError, RuntimeError, TypeError) as error:  # RuntimeError: h5py's for damaged chunks
         raise DamagedError(where, f"cannot be read: {error}") from error

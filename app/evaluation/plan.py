@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
@@ -10,13 +10,8 @@ from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
 from app.evaluation.results import Crash, Evaluation, TaskEvaluation, Trial
 from app.evaluation.world import WORLD, World
-from roboprompt_client.errors import RoboPromptError
 
 DIGEST_CHARS = 12
-
-
-class OtherModelError(RoboPromptError):
-    """The stored results were made with another default model."""
 
 
 class PlannedTrial(NamedTuple):
@@ -114,16 +109,3 @@ def evaluation_of(plan: Plan, ledger: Ledger) -> Evaluation:
         for task in plan.tasks
     )
     return Evaluation(plan.command, plan.methods, tasks)
-
-
-def check_default_model(plan: Plan, ledger: Ledger, models: Sequence[Mapping[str, Any]]) -> None:
-    """Raise OtherModelError if stored results come from another default model than the service has now."""
-    default = next(model["name"] for model in models if model["default"])
-    for planned in plan.trials():
-        outcome, method = plan.outcome(ledger, planned), planned.method
-        if not method.asks_service or "model" in method.options or not isinstance(outcome, Trial):
-            continue
-        used = (outcome.answer or {"model": default})["model"]
-        if used != default:
-            remedy = f"give --model {used}, or another folder"
-            raise OtherModelError(f"the results are of {used}, but the service's default model is {default}: {remedy}")

@@ -1,6 +1,5 @@
 """The results of an evaluation: trials by task, and the scores of methods over them."""
 
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -12,10 +11,6 @@ from app.pipeline.success_rate import SuccessRate
 from app.sim.outcomes import RolloutResult, SceneView
 from roboprompt_client.types.poses import EndEffectorAction
 
-# How messages of timeouts begin: status 504, no answer of the service, or none of an LLM.
-TIMED_OUT = re.compile(
-    r"^(ServiceProblemError: 504 |ServiceUnreachableError: .*(timed out|Timeout)|TimeoutError|ModelTimeoutError)"
-)
 NOTHING = "\N{EN DASH}"
 TOKENS = ("prompt_tokens", "cached_tokens", "completion_tokens")
 ENDINGS = ("wrong_motion", "no_actions", "refused")
@@ -71,11 +66,6 @@ class Crash:
     method: str
     message: str
 
-    @property
-    def timed_out(self) -> bool:
-        """Whether the service, its LLM or a pose server was too slow."""
-        return bool(TIMED_OUT.search(self.message))
-
 
 @dataclass(frozen=True, eq=False)
 class TaskEvaluation:
@@ -123,8 +113,7 @@ class MethodResult:
 
     Attributes:
         rate: over the trials that ran.
-        errors: trials that could not be run, without `timeouts`.
-        timeouts: trials that could not be run because an answer took too long.
+        errors: trials that could not be run.
         endings: by ENDINGS, the number of failed trials: the motion solved nothing, the reply had no actions, or the
             instruction was refused.
         asked: model, representation and prompt format, as the answers name them.
@@ -135,7 +124,6 @@ class MethodResult:
     method: str
     rate: SuccessRate
     errors: int
-    timeouts: int
     endings: Mapping[str, int]
     asked: tuple[str, ...] = ()
     llm_s: float | None = None
@@ -143,16 +131,11 @@ class MethodResult:
     execute_s: float | None = None
     tokens: Mapping[str, float | None] = field(default_factory=lambda: dict.fromkeys(TOKENS))
 
-    @property
-    def not_run(self) -> str:
-        """Timeouts and errors as text; empty without any."""
-        counts = ((self.timeouts, "timeout"), (self.errors, "error"))
-        return ", ".join(f"{number} {noun}{'s' if number > 1 else ''}" for number, noun in counts if number)
-
     def __str__(self) -> str:
         shown = str(self.rate) if self.rate.trials else NOTHING
         refused = f"{self.endings['refused']} refused" if self.endings["refused"] else ""
-        return ", ".join(filter(None, [shown, refused, self.not_run]))
+        errors = f"{self.errors} error{'s' if self.errors > 1 else ''}" if self.errors else ""
+        return ", ".join(filter(None, [shown, refused, errors]))
 
     def document(self) -> dict[str, Any]:
         """Return the figures as a JSON document."""
@@ -168,14 +151,12 @@ class MethodResult:
             "tokens": {name: _rounded(number) for name, number in self.tokens.items()},
             "interval": rate.interval,
             "errors": self.errors,
-            "timeouts": self.timeouts,
         }
 
 
 def result_of(evaluated: TaskEvaluation | Evaluation, method: Method) -> MethodResult:
     """Return a method's score on one task, or on all tasks together."""
     trials, crashes = of_method(evaluated.trials, method), of_method(evaluated.crashes, method)
-    timeouts = sum(crash.timed_out for crash in crashes)
     refused = sum(trial.refused for trial in trials)
     no_actions = sum(trial.execution is None for trial in trials) - refused
     failed = sum(not trial.succeeded for trial in trials)
@@ -187,8 +168,7 @@ def result_of(evaluated: TaskEvaluation | Evaluation, method: Method) -> MethodR
     return MethodResult(
         method.label,
         SuccessRate(len(trials) - failed, len(trials)),
-        len(crashes) - timeouts,
-        timeouts,
+        len(crashes),
         dict(zip(ENDINGS, (failed - refused - no_actions, no_actions, refused), strict=True)),
         tuple(dict.fromkeys(f"{a['model']}, {a['representation']}, {a['prompt_format']}" for a in answers)),
         llm_s=of_answers(lambda answer: answer["timings_ms"]["llm"] / 1000),

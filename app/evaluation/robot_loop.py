@@ -23,40 +23,38 @@ from roboprompt_client.types.poses import EndEffectorAction
 USELESS_REPLY = frozenset({"/problems/unparsable-reply", "/problems/unsafe-action", "/problems/unsupported"})
 
 
-class ChangingPanda:
-    """A simulated robot in a scene that changes: objects are moved once it has looked.
+class ChangingPanda(SimulatedPanda):
+    """A simulated robot in a scene whose objects are moved once it has looked.
 
     Attributes:
         actions: carried out, and the one that failed.
         num_done: how many were carried out.
     """
 
-    def __init__(self, robot: SimulatedPanda, seed: int, method: Method) -> None:
-        self._robot, self._seed, self._method = robot, seed, method
-        self._has_looked = False
-        self._shifted = method.shift_m == 0
+    def __init__(self, task: str, seed: int, method: Method) -> None:
+        super().__init__(make_task(task, seed, ALL_TASKS[task].test_variation(seed)), cameras=())
+        self._seed, self._method = seed, method
+        self._has_looked, self._shifted = False, method.shift_m == 0
         self.actions: list[EndEffectorAction] = []
         self.num_done = 0
-        self.stop = robot.stop
 
     def observe(self) -> Observation:
-        """Return the objects as they lay when the picture was taken, up to the noise of an estimator."""
+        """Return the objects as they lie, up to the noise of an estimator."""
         if self._has_looked:
             self._shift()
         self._has_looked = True
-        seen = self._robot.observe()
+        seen = super().observe()
         return replace(seen, objects=disturbed(seen.objects, self._method.noise, self._seed))
 
     def execute(self, action: EndEffectorAction) -> None:
-        """Carry out the action as the simulated robot does."""
         self._shift()
         self.actions.append(action)
-        self._robot.execute(action)
+        super().execute(action)
         self.num_done += 1
 
     def _shift(self) -> None:
         if not self._shifted:
-            shift_free_objects(self._robot.task, self._method.shift_m, self._seed)
+            shift_free_objects(self.task, self._method.shift_m, self._seed)
             self._shifted = True
 
 
@@ -79,24 +77,23 @@ def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -
     Raises:
         ServiceProblemError, ServiceUnreachableError, InvalidInputError: nothing is known about the method.
     """
-    started, task = time.perf_counter(), scene.task
-    panda = SimulatedPanda(make_task(task, seed, ALL_TASKS[task].test_variation(seed)), cameras=())
-    robot = ChangingPanda(panda, seed, method)
+    started = time.perf_counter()
+    robot = ChangingPanda(scene.task, seed, method)
     with _Client(url) as client:
-        error, blocked = _ask_and_move(client, robot, name, panda, method)
-        failure_text = error or blocked or judge(panda)
+        error, blocked = _ask_and_move(client, robot, name, method)
+        failure = error or blocked or judge(robot)
         if client.predicted is not None:
-            client.record_outcome(client.predicted.id, not failure_text, failure_text or None)
+            client.record_outcome(client.predicted.id, not failure, failure or None)
     answer = None if client.predicted is None else client.predicted.response
     predict_s = 0.0 if answer is None else answer["timings_ms"]["total"] / 1000
     return Trial(
-        task,
+        scene.task,
         seed,
         method.label,
         scene,
         answer=answer,
         error=error,
-        execution=None if error else RolloutResult(robot.num_done, not failure_text, failure_text),
+        execution=None if error else RolloutResult(robot.num_done, not failure, failure),
         predict_s=predict_s,
         execute_s=time.perf_counter() - started - predict_s,
         actions=tuple(robot.actions),
@@ -104,13 +101,11 @@ def run_loop(url: str, name: str, seed: int, method: Method, scene: SceneView) -
     )
 
 
-def _ask_and_move(
-    client: _Client, robot: ChangingPanda, name: str, panda: SimulatedPanda, method: Method
-) -> tuple[str, str]:
+def _ask_and_move(client: _Client, robot: ChangingPanda, name: str, method: Method) -> tuple[str, str]:
     """Return why the reply gave no actions, and what ended the motion; empty texts if nothing did."""
-    asked, options = (client, robot, name, panda.task.instruction), {"on_danger": "go", **method.options}
+    options = {"on_danger": "go", **method.options}
     try:
-        run_task(*asked, look_again=method.look_again, **options)
+        run_task(client, robot, name, robot.task.instruction, look_again=method.look_again, **options)
     except (MotionError, ObjectLostError, UnsafeActionError) as failure:
         return "", str(failure)
     except ServiceProblemError as problem:

@@ -2,7 +2,7 @@
 
 import secrets
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeVar
@@ -11,8 +11,8 @@ from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
 from app.evaluation.methods import Method
-from app.evaluation.plan import Plan, PlannedTrial, check_default_model
-from app.evaluation.results import Crash
+from app.evaluation.plan import Plan, PlannedTrial
+from app.evaluation.results import Crash, Trial
 from app.evaluation.teach import (
     FIRST_LABELED_SEED,
     LABELED_SCENES,
@@ -28,19 +28,14 @@ from app.evaluation.world import World
 from app.executors import Executor, ForeignExecutor, LocalExecutor
 from app.sim.outcomes import RecordedDemonstration
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.errors import RoboPromptError, ServiceProblemError, ServiceUnreachableError
+from roboprompt_client.errors import ServiceProblemError, ServiceUnreachableError
 
 Item = TypeVar("Item")
 TEACHING_THREADS = 2  # one task is uploaded while the next is recorded
 SIMULATION = ("app.evaluation.trials",)  # what workers import once for all
-MAX_UNREACHABLE = 5  # trials in a row; after that many the service counts as lost
 
 _Recorded = tuple[RecordedDemonstration, ...]
 Lessons = Mapping[str, Lesson | Exception]  # by suffix of the task's name; or why it could not be taught
-
-
-class ServiceLostError(RoboPromptError):
-    """The service does not answer any more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +58,8 @@ class PlanRun:
         """Run the remaining trials of the plan.
 
         Raises:
-            ServiceLostError, OtherModelError; KeyboardInterrupt: after the trials under way have ended.
+            KeyboardInterrupt: after the trials under way have ended.
         """
-        check_default_model(self.plan, self.ledger, self.client.get("/models")["models"])
         self.run_trials(self.teach())
 
     def teach(self) -> dict[str, Lessons]:
@@ -79,7 +73,7 @@ class PlanRun:
         def teach(task: str) -> None:
             lessons[task] = self._teach_task(task, needed[task], lambda: self.progress.advance(bar))
 
-        _in_threads(teach, self.plan.tasks, TEACHING_THREADS, lambda future: future.result())
+        _in_threads(teach, self.plan.tasks, TEACHING_THREADS)
         return lessons
 
     def _teach_task(self, task: str, suffixes: set[str], on_done: Callable[[], None]) -> Lessons:
@@ -109,50 +103,33 @@ class PlanRun:
             return error
 
     def run_trials(self, lessons: Mapping[str, Lessons]) -> None:
-        """Run the remaining trials, and store each outcome.
-
-        Raises:
-            ServiceLostError: after the trials that have begun are finished.
-        """
+        """Run the remaining trials, and store each outcome."""
         remaining = self.plan.remaining(self.ledger)
         runner = TrialRunner(self.client, self.executor, self.plan.world)
         total = sum(1 for _ in self.plan.trials())
         bar = self.progress.add_task("trials", total=total, completed=total - len(remaining))
-        unreachable = 0
 
         def run(planned: PlannedTrial) -> None:
-            self._run_trial(runner, planned, lessons[planned.task][suffix_of(planned.method, self.plan.methods)])
-
-        def on_done(future: Future[None]) -> None:
-            nonlocal unreachable
+            lesson = lessons[planned.task][suffix_of(planned.method, self.plan.methods)]
+            outcome: Trial | Crash
+            try:
+                if isinstance(lesson, Exception):
+                    raise lesson
+                outcome = runner.run(planned, lesson)
+            except Exception as error:
+                outcome = Crash(*planned.key, f"{type(error).__name__}: {error}")
+            self.ledger.append(outcome, self.plan.digest(planned.method))
             self.progress.advance(bar)
-            gone = isinstance(future.exception(), ServiceUnreachableError)
-            unreachable = unreachable + 1 if gone else 0
-            if unreachable >= MAX_UNREACHABLE:
-                raise ServiceLostError(f"the service does not answer any more: {future.exception()}")
 
-        _in_threads(run, remaining, self.executor.workers + 2, on_done)
-
-    def _run_trial(self, runner: TrialRunner, planned: PlannedTrial, lesson: Lesson | Exception) -> None:
-        digest = self.plan.digest(planned.method)
-        try:
-            if isinstance(lesson, Exception):
-                raise lesson
-            outcome = runner.run(planned, lesson)
-        except Exception as error:
-            self.ledger.append(Crash(*planned.key, f"{type(error).__name__}: {error}"), digest)
-            raise
-        self.ledger.append(outcome, digest)
+        _in_threads(run, remaining, self.executor.workers + 2)
 
 
-def _in_threads(
-    work: Callable[[Item], None], items: Sequence[Item], threads: int, on_done: Callable[[Future[None]], None]
-) -> None:
-    """Work on the items in threads. After Ctrl-C or an error of `on_done`, items that have begun are still finished."""
+def _in_threads(work: Callable[[Item], None], items: Sequence[Item], threads: int) -> None:
+    """Work on the items in threads. After Ctrl-C or an error, items that have begun are still finished."""
     with ThreadPoolExecutor(threads) as pool:
         try:
             for future in as_completed([pool.submit(work, item) for item in items]):
-                on_done(future)
+                future.result()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise

@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
+from app.evaluation.methods import SWEEPS
 from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.results import Evaluation
-from app.evaluation.run import PlanRun, ServiceLostError, executor_of
+from app.evaluation.run import PlanRun, executor_of
 from app.evaluation.server import service
-from app.evaluation.sweeps import SWEEPS
 from app.evaluation.tables import markdown
 from app.executors import Executor, usable_cores
 from roboprompt_client.version import VERSION
@@ -56,7 +56,7 @@ class SweepRun:
         """Run the trials that the folder does not have yet. Ctrl-C ends the session and leaves the folder valid.
 
         Raises:
-            LedgerError, ServerStartError, OtherModelError: if the session cannot begin.
+            LedgerError, ServerStartError: if the session cannot begin.
             ServiceUnreachableError, ServiceProblemError: if there is no service at `url`.
         """
         with Ledger(self.folder / "results.jsonl") as ledger:
@@ -76,8 +76,6 @@ class SweepRun:
                     PlanRun(self.plan, ledger, client, executor, progress, self.url is not None)()
             except KeyboardInterrupt:
                 return "interrupted"
-            except ServiceLostError as error:
-                return str(error)
         return ""
 
     def _about(self) -> str:

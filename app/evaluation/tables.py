@@ -23,7 +23,7 @@ from app.evaluation.results import (
 
 HOW_TO_READ = (
     "Successes/trials on unseen scenes with Wilson's 95 % interval; the mean is over tasks. Errors are trials that"
-    " could not be run (a worker crashed, the service or its LLM failed), timeouts those whose answer took too long:"
+    " could not be run (a worker crashed, the service or its LLM failed or took too long):"
     " they count neither way. A trial whose instruction the service refuses is no success."
 )
 METHODS_SAID = (
@@ -123,14 +123,12 @@ def _result_rows(task: TaskEvaluation, methods: Sequence[Method]) -> Iterator[Ce
 def sweep_summary(evaluation: Evaluation) -> dict[str, Any]:
     """Return figures by task (of the first method, and of each), means, and the paper's means."""
     names = [task.task for task in evaluation.tasks]
-    timeouts = sum(crash.timed_out for crash in evaluation.crashes)
     return {
         "tasks": {task.task: _task_summary(task, evaluation.methods) for task in evaluation.tasks},
         "mean_success_rate": {method.label: mean_rate(evaluation, method) for method in evaluation.methods},
         "paper_mean_percent": {name: paper.mean_percent(name, names) for name in paper.METHODS},
         "trials": len(evaluation.trials),
-        "errors": len(evaluation.crashes) - timeouts,
-        "timeouts": timeouts,
+        "errors": len(evaluation.crashes),
     }
 
 

@@ -108,8 +108,9 @@ def request_body(request: CompletionRequest, model: str) -> dict[str, Any]:
         body["system"] = prompt.system
     if quirks.temperature:
         body["temperature"] = request.temperature
-    # the API refuses a stop sequence without a visible character; `streaming.assembled` stops there all the same
-    if stop := [text for text in prompt.stop if text.strip()]:
+    # The API refuses a stop sequence without a visible character, and one might end the thinking; `streaming.assembled`
+    # stops there all the same.
+    if (stop := [text for text in prompt.stop if text.strip()]) and not quirks.thinks:
         body["stop_sequences"] = stop
     return body
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 
 from pydantic import SecretStr
 
@@ -16,7 +15,6 @@ from app.llm.openai_compatible import SERVERS, OpenAiCompatibleModel, ServerQuir
 from app.llm.resilient import ProviderLimits
 from app.llm.sse import Server
 
-ENTRY_POINT_GROUP = "roboprompt.llm"
 QUEUED = 32  # robots that wait for a place; further ones are told at once that the model is busy
 
 # A model from the part of its name after `backend/` (empty if there is none) and the settings. Quick: it starts nothing
@@ -26,7 +24,7 @@ ModelFactory = Callable[[str, LlmSettings], LanguageModel]
 
 @dataclass(frozen=True)
 class Backend:
-    """A way to LLMs; another package adds one through the entry point group `roboprompt.llm`.
+    """A way to LLMs.
 
     Attributes:
         create: makes any of its models, also such as are not offered.
@@ -37,12 +35,6 @@ class Backend:
     create: ModelFactory
     offered: Callable[[LlmSettings], Sequence[ModelProfile]]
     limits: Callable[[LlmSettings], ProviderLimits] | None = None
-
-
-def all_backends() -> dict[str, Backend]:
-    """The built-in backends and those of installed packages; a package cannot replace a built-in one."""
-    installed = {point.name: point.load() for point in entry_points(group=ENTRY_POINT_GROUP)}
-    return {**installed, **BUILT_IN}
 
 
 def _network_limits(settings: LlmSettings) -> ProviderLimits:

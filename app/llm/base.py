@@ -2,7 +2,7 @@
 
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
 from app.pipeline.prompt import Prompt
@@ -97,8 +97,6 @@ class CompletionRequest:
         timeout_s: the whole completion ends within it or raises ModelTimeoutError.
         temperature: 0 is greedy.
         cache_key: equal for requests that share the prompt's prefix; backends may route by it.
-        piecewise: the pieces are wanted as they come; otherwise nothing but the Completion, as `complete` asks for it.
-            Backends may send pieces all the same: `resilient.ResilientModel` leaves them out.
     """
 
     prompt: Prompt
@@ -107,7 +105,6 @@ class CompletionRequest:
     temperature: float = 0.0
     seed: int = 0
     cache_key: str = ""
-    piecewise: bool = True
 
 
 @dataclass(frozen=True)
@@ -170,8 +167,8 @@ class StartedModel(LanguageModel, Protocol):
 
 
 async def complete(model: LanguageModel, request: CompletionRequest) -> Completion:
-    """Return the whole reply, which is requested again if it breaks off. Raises as `stream`."""
-    async with aclosing(model.stream(replace(request, piecewise=False))) as pieces:
+    """Return the whole reply. Raises as `stream`."""
+    async with aclosing(model.stream(request)) as pieces:
         async for piece in pieces:
             if isinstance(piece, Completion):
                 return piece

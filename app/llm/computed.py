@@ -81,8 +81,7 @@ class ComputedModel:
         for word in words:
             if self._delay_s > 0:
                 await asyncio.sleep(self._delay_s)
-            if request.piecewise:
-                yield TextDelta(word)
+            yield TextDelta(word)
         yield completion
 
     async def aclose(self) -> None:

@@ -29,22 +29,18 @@ class ServerQuirks:
     Attributes:
         max_tokens_field: what the limit of the reply's length is called.
         cache_key_field: what routes requests with the same prefix to the same cache, if the server knows such a field.
-        prefix_mark: put on the part of the message up to which the server caches, if it has to be marked.
         grammar_path: the field, within fields, that takes a GBNF grammar.
         schema: the chat endpoint holds replies to a JSON Schema in `response_format`, also to one of a bare list.
         extra: further fields of every request.
-        openai: the server has OpenAI's own models, which have quirks of their own.
         reasons_apart: a reply never contains reasoning. Of other servers' chat models none of the reply is certain
             before its end, and no stop string is sent: it would end the reasoning.
     """
 
     max_tokens_field: str = "max_tokens"
     cache_key_field: str | None = None
-    prefix_mark: tuple[str, Mapping[str, str]] | None = None
     grammar_path: tuple[str, ...] = ()
     schema: bool = False
     extra: tuple[tuple[str, Any], ...] = ()
-    openai: bool = False
     reasons_apart: bool = False
 
 
@@ -70,19 +66,8 @@ SERVERS: Mapping[CompatibleServer, ServerQuirks] = {
 }
 # by the host of the base URL
 HOSTS: Mapping[str, ServerQuirks] = {
-    "api.openai.com": ServerQuirks(
-        "max_completion_tokens", cache_key_field="prompt_cache_key", openai=True, reasons_apart=True
-    ),
-    "openrouter.ai": ServerQuirks(prefix_mark=("cache_control", {"type": "ephemeral"})),
+    "api.openai.com": ServerQuirks("max_completion_tokens", cache_key_field="prompt_cache_key", reasons_apart=True)
 }
-# From GPT-5.6 on, OpenAI caches up to the end of the last message, which differs from query to query, unless the
-# request says where the prefix ends ("Prompt caching" of OpenAI's guides: prompt_cache_breakpoint and
-# prompt_cache_options).
-EXPLICIT_CACHE_SINCE = (5, 6)
-EXPLICIT_CACHE = ServerQuirks(
-    prefix_mark=("prompt_cache_breakpoint", {"mode": "explicit"}),
-    extra=(("prompt_cache_options", {"mode": "explicit"}),),
-)
 # Models that reason before they reply refuse these fields (OpenAI's guide "Reasoning models").
 REASONING_MODELS = re.compile(r"o[134](-|$)|gpt-([5-9]|\d\d)")
 REFUSED_BY_REASONING_MODELS = ("temperature", "stop", "seed")
@@ -128,8 +113,6 @@ def quirks_of(base_url: str) -> ServerQuirks:
 def request_body(request: CompletionRequest, model: str, style: Style, quirks: ServerQuirks) -> dict[str, Any]:
     """The JSON body that asks for `request` as a stream with usage; `model` is the server's name of it."""
     prompt, thinks = request.prompt, REASONING_MODELS.match(model)
-    if quirks.openai and _version(model) >= EXPLICIT_CACHE_SINCE:
-        quirks = replace(quirks, prefix_mark=EXPLICIT_CACHE.prefix_mark, extra=EXPLICIT_CACHE.extra)
     body: dict[str, Any] = {
         "model": model,
         quirks.max_tokens_field: request.max_tokens + (THINKING_TOKENS if thinks else 0),
@@ -141,7 +124,7 @@ def request_body(request: CompletionRequest, model: str, style: Style, quirks: S
     }
     if style == "chat":
         system = [{"role": "system", "content": prompt.system}] if prompt.system else []
-        body["messages"] = [*system, {"role": "user", "content": _user_content(request, quirks)}]
+        body["messages"] = [*system, {"role": "user", "content": prompt.user}]
     else:
         body["prompt"] = f"{prompt.system}\n{prompt.user}" if prompt.system else prompt.user
     if prompt.stop and not _may_reason(style, quirks):
@@ -160,27 +143,9 @@ def _may_reason(style: Style, quirks: ServerQuirks) -> bool:
     return style == "chat" and not quirks.reasons_apart
 
 
-def _version(model: str) -> tuple[int, int]:
-    """Of a GPT model; (0, 0) for others."""
-    found = re.match(r"gpt-(\d+)(?:\.(\d+))?", model)
-    return (int(found[1]), int(found[2] or 0)) if found else (0, 0)
-
-
 def _nested(path: tuple[str, ...], value: str) -> dict[str, Any]:
     """`value` at a path of fields."""
     return {path[0]: _nested(path[1:], value) if path[1:] else value}
-
-
-def _user_content(request: CompletionRequest, quirks: ServerQuirks) -> str | list[dict[str, Any]]:
-    """The user message; in two parts, the first marked, where the server caches up to a mark."""
-    prompt = request.prompt
-    if not (quirks.prefix_mark and prompt.prefix):
-        return prompt.user
-    field, mark = quirks.prefix_mark
-    return [
-        {"type": "text", "text": prompt.prefix, field: dict(mark)},
-        {"type": "text", "text": prompt.query},
-    ]
 
 
 def parse_event(data: str) -> Chunk | None:

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
-from app.llm.backends import Backend, all_backends
+from app.llm.backends import BUILT_IN, Backend
 from app.llm.base import (
     LanguageModel,
     LanguageModelError,
@@ -28,15 +28,10 @@ class OfferedModel:
 
 
 class ModelRegistry:
-    """The models of one service.
+    """The models of one service; backends are by name."""
 
-    Args:
-        backends: by name; None for the built-in ones and those of installed packages.
-    """
-
-    def __init__(self, settings: LlmSettings, backends: Mapping[str, Backend] | None = None) -> None:
-        self._settings = settings
-        self._backends = all_backends() if backends is None else backends
+    def __init__(self, settings: LlmSettings, backends: Mapping[str, Backend] = BUILT_IN) -> None:
+        self._settings, self._backends = settings, backends
         self._models: dict[str, ResilientModel] = {}
         self._places: dict[str, Places] = {}
         self._lock = threading.Lock()

@@ -77,8 +77,7 @@ class Places:
 class ResilientModel:
     """A backend's model as requests reach it.
 
-    Retries happen before the first piece of a stream only: what a robot has begun to execute is not asked for again. A
-    reply that is wanted whole is asked for again when it breaks off, too.
+    Retries happen before the first piece only: what a robot has begun to execute is not asked for again.
     Everything, waiting included, happens within the request's deadline.
 
     Args:
@@ -111,26 +110,18 @@ class ResilientModel:
             for num_retries in count():
                 started = False
                 try:
-                    async with aclosing(self._try(request)) as pieces:
+                    async with aclosing(self.model.stream(request)) as pieces:
                         async for piece in pieces:
                             started = started or not isinstance(piece, Reading)
                             yield piece
-                    return
+                            if isinstance(piece, Completion):
+                                return
+                    raise ModelResponseError(INCOMPLETE)
                 except LanguageModelError as error:
                     wait_s = self._wait_s(error, num_retries)
                     if started or wait_s is None or anyio.current_time() + wait_s >= deadline_s:
                         raise
                 await self._sleep(wait_s)
-
-    async def _try(self, request: CompletionRequest) -> Pieces:
-        """Yield the pieces that the request wants; raises ModelResponseError if the last is not the Completion."""
-        async with aclosing(self.model.stream(request)) as pieces:
-            async for piece in pieces:
-                if request.piecewise or isinstance(piece, Completion):
-                    yield piece
-                if isinstance(piece, Completion):
-                    return
-        raise ModelResponseError(INCOMPLETE)
 
     def _wait_s(self, error: LanguageModelError, num_retries: int) -> float | None:
         """Return the wait before the next try; None if there is none."""

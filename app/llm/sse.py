@@ -9,8 +9,6 @@ import re
 from collections.abc import AsyncGenerator, Callable, Iterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from email.utils import parsedate_to_datetime
 from functools import cache
 from ssl import SSLContext
 from typing import Any
@@ -177,16 +175,11 @@ def _certificates() -> SSLContext:
 
 
 def _retry_after_s(headers: httpx.Headers) -> float | None:
-    """How long the server asks to wait, in seconds or until a date (RFC 9110, section 10.2.3)."""
-    value = headers.get("Retry-After", "")
+    """How long the server asks to wait; None where it says nothing, or a date."""
     try:
-        wait_s = float(value)
+        wait_s = float(headers.get("Retry-After", ""))
     except ValueError:
-        try:
-            until = parsedate_to_datetime(value)
-        except ValueError:
-            return None
-        wait_s = (until.replace(tzinfo=until.tzinfo or UTC) - datetime.now(UTC)).total_seconds()
+        return None
     return max(wait_s, 0.0) if math.isfinite(wait_s) else None
 
 

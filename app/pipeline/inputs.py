@@ -81,7 +81,6 @@ def check_meters(field: str, position_m: Array, workspace: Workspace) -> None:
 
 
 def _check_moves(motion: Motion) -> None:
-    """Refuse a recording in which the hand neither moves nor turns and the gripper stays as it is."""
     trajectory = motion.trajectory
     away_m = float(np.linalg.norm(trajectory.positions_m - trajectory.positions_m[0], axis=1).max())
     turns_rad = quaternions.angles_rad(trajectory.quaternions_xyzw, trajectory.quaternions_xyzw[0])
@@ -156,7 +155,6 @@ def _check_joints(motion: Motion) -> None:
 
 
 def _beyond_positions(motion: Motion) -> bool:
-    """Return whether joint velocities are many times the derivative of the joint positions."""
     angles_rad = motion.trajectory.joint_positions_rad
     if angles_rad is None or len(motion) < FEW_FRAMES:
         return False

@@ -121,7 +121,6 @@ def _may_mean(name: str, words: str) -> bool:
 
 
 def _contains(name: str, words: str) -> bool:
-    """Return whether the name contains the words, each in the singular or in the plural."""
     shown, said = folded_name(name).split(), folded_name(words).split()
     starts = range(len(shown) - len(said) + 1)
     return any(
@@ -131,7 +130,6 @@ def _contains(name: str, words: str) -> bool:
 
 
 def _singular_and_plurals(words: str) -> tuple[str, ...]:
-    """Return the folded words, and the same with the last one in the plural."""
     said = folded_name(words)
     before, space, last = said.rpartition(" ")
     return (said, *(f"{before}{space}{plural}" for plural in plurals_of(last)))

@@ -52,7 +52,6 @@ class ReplyReader:
         return tuple(self._actions)
 
     def _read(self, text: str, *, complete: bool) -> list[EndEffectorAction]:
-        """The actions of rows that were not read before."""
         if len(text) > MAX_REPLY_CHARS:
             raise ReplyParseError(f"the reply is longer than {MAX_REPLY_CHARS} characters", text)
         if delimiter := DELIMITER.search(text):

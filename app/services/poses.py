@@ -28,7 +28,6 @@ from app.services.task_settings import TaskSettings
 from app.store import episodes, predictions
 from app.store.blobs import BlobStore
 from app.store.errors import CorruptDataError
-from app.store.records import EpisodeRecord
 from app.store.store import Store
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.http import is_loopback
@@ -138,20 +137,15 @@ def with_template(query: ObjectQuery, blobs: BlobStore) -> ObjectQuery:
 
 
 def overlay_of(store: Store, kind: Literal["episode", "prediction"], id_: str, camera: str) -> bytes:
-    """A PNG of what the camera saw first with masks, outlines, axes and names; outlines are those of present models.
+    """A PNG of what the camera saw first, with the axes and names of the objects that were found.
 
     Raises:
         NotFoundError: if there is no such episode or prediction, or it has no color image of that camera.
     """
     with store.read() as connection:
         record = episodes.get(connection, id_) if kind == "episode" else predictions.get(connection, id_)
-        settings = TaskSettings.of(connection, record.task)
-    sent = record.given_objects if isinstance(record, EpisodeRecord) else record.request.get("objects", ())
     stored, _ = stored_image(record.cameras, camera, "rgb", f"{kind} {id_}")
-    mask_ids = {item["name"]: tuple(item.get("mask_ids", ())) for item in sent}
-    shown = (ObjectQuery(item.name, mask_ids=mask_ids.get(item.name, ())) for item in record.objects)
-    queries = with_models(shown, settings)
-    image = draw_overlay(read_frame(store.blobs, stored), [item.pose() for item in record.objects], queries)
+    image = draw_overlay(read_frame(store.blobs, stored), [item.pose() for item in record.objects])
     return cv2.imencode(".png", image[..., ::-1])[1].tobytes()
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 from app.sim.guided import GuidedPanda, Habits
 from app.sim.moves import Move, action_from_move, moves_from_actions
 from app.sim.outcomes import RecordedDemonstration, RolloutResult, SceneView
-from app.sim.robot import DWELL_S, SimulatedPanda, TrajectorySampler
+from app.sim.robot import CONTROL_FREQUENCY_HZ, SimulatedPanda, TrajectorySampler
 from app.sim.tasks import make_task
 from app.sim.tasks.base import FINAL_HOLD_S, NOT_SOLVED
 from app.sim.world import CAMERA_NAMES
@@ -18,7 +18,6 @@ from roboprompt_client.types.poses import EndEffectorAction
 
 # How experts are recorded: at rest at each of their poses, or passing them as a person does (`app.sim.guided`)
 Recordings = Literal["rests", "continuous"]
-DWELL_SAMPLES = 2  # of every rest, so that keyframe rules see it at any rate
 
 
 def view_scene(
@@ -38,7 +37,6 @@ def view_scene(
 def record_demonstration(
     task_name: str,
     seed: int,
-    control_frequency_hz: float = 20.0,
     *,
     variation: int | None = None,
     recordings: Recordings = "rests",
@@ -52,24 +50,23 @@ def record_demonstration(
         cameras: as for `view_scene`.
 
     Raises:
-        InvalidInputError: for an unknown task or variation, or a frequency that the simulation cannot sample at.
+        InvalidInputError: for an unknown task or variation.
     """
     task = make_task(task_name, seed, variation)
     if recordings == "rests":
         robot = SimulatedPanda(task, cameras)
-        robot.dwell_s = max(DWELL_S, DWELL_SAMPLES / control_frequency_hz)
     else:
         habits = Habits(seed)
         task.way = habits.choose(task.ways)
         robot = GuidedPanda(task, habits, cameras)
-    sampler = TrajectorySampler(robot, control_frequency_hz, task.object_names)
+    sampler = TrajectorySampler(robot, task.object_names)
     scene = _view(robot, seed)
     moves = task.expert()
     _, error = _perform(robot, moves)
     trajectory = sampler.trajectory("commanded" if recordings == "rests" else "measured")
     failure = error or judge(robot)
     actions = tuple(map(action_from_move, moves))
-    return RecordedDemonstration(scene, trajectory, control_frequency_hz, not failure, failure, actions)
+    return RecordedDemonstration(scene, trajectory, CONTROL_FREQUENCY_HZ, not failure, failure, actions)
 
 
 def rollout(

@@ -12,12 +12,12 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from app.drawing import RgbImage
 from app.sim import NO_OPENGL
 from app.sim.world import HEIGHT_PX, MAIN_LIGHT_DIRECTION, SKY_RGB, WIDTH_PX, calibrated
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.camera import Camera, RgbdFrame
 
+RgbImage = npt.NDArray[np.uint8]
 RANGE_M = 10.0
 TO_LIGHT = -np.array(MAIN_LIGHT_DIRECTION) / np.linalg.norm(MAIN_LIGHT_DIRECTION)
 AMBIENT, DIFFUSE = 0.5, 0.6

@@ -15,7 +15,7 @@ from app.sim.planner import JointPath, Kinematics, Planner
 from app.sim.rendering import open_renderer
 from app.sim.tasks.base import SimTask
 from app.sim.world import BASE_POSITION_M, CAMERA_NAMES, TIMESTEP_S
-from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.errors import MotionError
 from roboprompt_client.robot import Observation
 from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, Pose
@@ -23,13 +23,14 @@ from roboprompt_client.types.trajectory import Trajectory
 
 GRIPPER_S = 0.5  # the Franka Hand closes at up to 0.1 m/s (data sheet): 0.4 s for its whole travel, and time to grip
 STOP_S = 0.1
-DWELL_S = 0.1
+DWELL_S = 0.1  # after each move: two samples of a recording, so that keyframe rules see it
 # An arm that ends up further from its target has run into something.
 MAX_MISS_M, MAX_MISS_RAD = 0.03, np.radians(15.0)
 # A position servo trails by velocity * damping / stiffness; asking that much ahead cancels it (44 mm become 0.9 mm).
 VELOCITY_LEAD_S = panda.SERVO_DAMPING / panda.SERVO_STIFFNESS
 
 GripperState = Literal["measured", "commanded"]
+CONTROL_FREQUENCY_HZ = 20.0  # of recordings, as RLBench's
 TIME_TOLERANCE_S = 1e-9
 MIN_FINGER_TRAVEL_M = 1e-3  # fingers that move less have neither opened nor closed
 
@@ -42,7 +43,6 @@ class SimulatedPanda:
         cameras: which cameras `observe` renders; none makes it much quicker.
 
     Attributes:
-        dwell_s: the arm's rest after each move.
         after_step: called after every simulation step, e.g. a recorder's `sample`.
         after_move: called with the index of each of the moves that `perform` was given, once it is done.
     """
@@ -50,7 +50,6 @@ class SimulatedPanda:
     def __init__(self, task: SimTask, cameras: Sequence[str] = CAMERA_NAMES) -> None:
         self.task = task
         self.cameras = tuple(cameras)
-        self.dwell_s = DWELL_S
         self.after_step: list[Callable[[], None]] = [task.latch]
         self.after_move: list[Callable[[int], None]] = []
         self._kinematics = Kinematics(BASE_POSITION_M)
@@ -107,7 +106,7 @@ class SimulatedPanda:
         motion = time_path(path, self._kinematics, TIMESTEP_S)
         self._target_rad = path.end_rad
         self._run(motion.positions_rad + VELOCITY_LEAD_S * motion.velocities_rad_s)
-        self.hold(self.dwell_s)
+        self.hold(DWELL_S)
 
     def _set_gripper(self, *, is_open: bool) -> None:
         width_m = panda.FINGER_TRAVEL_M if is_open else 0.0
@@ -138,23 +137,16 @@ class SimulatedPanda:
 
 
 class TrajectorySampler:
-    """Samples an arm and its scene at `control_frequency_hz`, from now on.
+    """Samples an arm and its scene at CONTROL_FREQUENCY_HZ, from now on.
 
     Args:
         tracked: names of the bodies of the objects to be tracked.
-
-    Raises:
-        InvalidInputError: for a frequency that the simulation cannot sample at.
     """
 
-    def __init__(self, robot: SimulatedPanda, control_frequency_hz: float = 20.0, tracked: Sequence[str] = ()) -> None:
+    def __init__(self, robot: SimulatedPanda, tracked: Sequence[str] = ()) -> None:
         model, data = robot.task.model, robot.task.data
-        if not 0 < control_frequency_hz <= 1 / model.opt.timestep:
-            valid = f"above 0 and at most {1 / model.opt.timestep:g} Hz, the simulation's rate"
-            raise InvalidInputError("control_frequency_hz", f"is {control_frequency_hz}", valid)
         self._robot, self._model, self._data = robot, model, data
         self._tracked = [model.body(name).id for name in tracked]
-        self._period_s = 1 / control_frequency_hz
         self._next_s = data.time
         self._positions = [model.joint(name).qposadr[0] for name in panda.JOINT_NAMES]
         self._fingers = [model.joint(name).qposadr[0] for name in panda.FINGER_NAMES]
@@ -168,7 +160,7 @@ class TrajectorySampler:
         """Take a sample if one is due; called after every simulation step."""
         if self._data.time < self._next_s - TIME_TOLERANCE_S:
             return
-        self._next_s += self._period_s
+        self._next_s += 1 / CONTROL_FREQUENCY_HZ
         data = self._data
         mujoco.mj_kinematics(self._model, data)  # mj_step leaves body poses one step behind the joints
         row = {

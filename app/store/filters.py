@@ -93,7 +93,6 @@ class PredictionFilter(Filter):
     Attributes:
         outcome: what was reported; `unknown`: nothing.
         fate: the same, where predictions without actions and without a report are `refused`.
-        without_models: whose predictions are left out.
         finding: code of a finding.
     """
 
@@ -103,7 +102,6 @@ class PredictionFilter(Filter):
     num_demonstrations: int | None = None
     outcome: Outcome | None = None
     fate: Fate | None = None
-    without_models: tuple[str, ...] = ()
     finding: str | None = None
 
     def narrow(self, query: Select[Any]) -> Select[Any]:
@@ -118,8 +116,6 @@ class PredictionFilter(Filter):
             conditions.append(_P.c.outcome_success.is_(_OUTCOMES[self.outcome]))
         if self.fate is not None:
             conditions.append(OF_FATE[self.fate])
-        if self.without_models:
-            conditions.append(_P.c.model.not_in(self.without_models))
         if self.finding is not None:
             conditions.append(cast(_P.c.findings, Text).contains(f'"code":"{self.finding}"', autoescape=True))
         return query.where(*conditions)

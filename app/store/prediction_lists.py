@@ -1,16 +1,13 @@
-"""Lists of predictions for pages: without prompts, ordered by outcome; and the success of each configuration."""
+"""Lists of predictions for pages, without prompts; and the success of each configuration."""
 
 from dataclasses import dataclass, fields
-from typing import Literal
 
-from sqlalchemy import Connection, case, func, or_, select
+from sqlalchemy import Connection, case, func, select
 
 from app.pipeline.success_rate import SuccessRate
 from app.store import tables
-from app.store.filters import FATES, OF_FATE, PredictionFilter, num_demonstrations
-from app.store.records import PredictionSummary
-
-ListOrder = Literal["successes", "newest", "failures"]
+from app.store.filters import PredictionFilter, fetch_page, num_demonstrations
+from app.store.records import Page, PredictionSummary
 
 _P = tables.predictions
 
@@ -21,42 +18,12 @@ _SUMMARY = [
 ]
 
 
-@dataclass(frozen=True)
-class ListCursor:
-    """The place where a list continues: the last row's group and number."""
-
-    group: int
-    sequence: int
-
-
-@dataclass(frozen=True)
-class SummaryPage:
-    """Some predictions, and where those that follow begin; None at the end."""
-
-    items: tuple[PredictionSummary, ...]
-    next_cursor: ListCursor | None
-
-
 def list_page(
-    connection: Connection, chosen: PredictionFilter, order: ListOrder, limit: int, cursor: ListCursor | None = None
-) -> SummaryPage:
-    """At most `limit` predictions: the newest first, or by their fate and then the newest."""
-    fates = FATES if order == "failures" else FATES[::-1]
-    groups = [or_(*OF_FATE.values())] if order == "newest" else [OF_FATE[fate] for fate in fates]
-    found: list[tuple[int, PredictionSummary]] = []
-    for number, fits in enumerate(groups):
-        if cursor is not None and number < cursor.group:
-            continue
-        query = chosen.narrow(select(*_SUMMARY).where(fits))
-        if cursor is not None and number == cursor.group:
-            query = query.where(_P.c.sequence < cursor.sequence)
-        room = limit + 1 - len(found)
-        rows = connection.execute(query.order_by(_P.c.sequence.desc()).limit(room))
-        found += [(number, PredictionSummary(**row._mapping)) for row in rows]
-        if len(found) > limit:
-            group, last = found[limit - 1]
-            return SummaryPage(tuple(item for _, item in found[:limit]), ListCursor(group, last.sequence))
-    return SummaryPage(tuple(item for _, item in found), None)
+    connection: Connection, chosen: PredictionFilter, limit: int, cursor: int | None = None
+) -> Page[PredictionSummary]:
+    """At most `limit` predictions that fit, newest first."""
+    query = chosen.narrow(select(*_SUMMARY))
+    return fetch_page(connection, _P, query, limit, cursor, lambda row: PredictionSummary(**row._mapping))
 
 
 def models(connection: Connection) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Queries on tasks. Each runs on the caller's transaction."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -109,8 +109,8 @@ def num_episodes(connection: Connection) -> dict[str, int]:
     return {row[0]: row[1] for row in connection.execute(query)}
 
 
-def counts(connection: Connection, without_models: Collection[str] = ()) -> dict[str, TaskCounts]:
-    """How much is stored of every task, without the predictions of `without_models`."""
+def counts(connection: Connection) -> dict[str, TaskCounts]:
+    """How much is stored of every task."""
     predictions = tables.predictions
     outcomes = select(
         predictions.c.task,
@@ -118,8 +118,6 @@ def counts(connection: Connection, without_models: Collection[str] = ()) -> dict
         func.count().filter(predictions.c.outcome_success.is_(True)),
         func.count().filter(predictions.c.outcome_success.is_(False)),
     )
-    if without_models:
-        outcomes = outcomes.where(predictions.c.model.not_in(without_models))
     outcomes = outcomes.group_by(predictions.c.task)
     of_episodes = num_episodes(connection)
     num_predictions: dict[str, Sequence[int]] = {row[0]: row[1:] for row in connection.execute(outcomes)}

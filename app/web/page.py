@@ -1,13 +1,12 @@
 """A page: a template and what it shows, with headers that let it load nothing from elsewhere; errors in words.
 
-How pages write numbers, dates, shares, and the names of tasks: a session of `roboprompt eval --url` names the tasks
-that it teaches `TASK.eval-SESSION`. Lists show small pictures. Browsers keep our own style sheet and scripts.
+How pages write numbers, dates and shares. Lists show small pictures. Browsers keep our own style sheet and scripts.
 """
 
 import hashlib
 import json
 import re
-from collections.abc import Callable, Coroutine, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from datetime import UTC
 from pathlib import Path
 from typing import Any
@@ -32,7 +31,6 @@ from app.pipeline.success_rate import SuccessRate
 from app.store.blobs import BlobStore
 from app.store.records import TaskCounts
 from app.store.values import CameraRecord
-from app.web.scene import scene_picture
 from roboprompt_client.arms.named import TITLES
 from roboprompt_client.errors import RoboPromptError
 
@@ -46,7 +44,6 @@ MAX_NAMED = 8  # objects of a task in a list
 _PART = re.compile(r"[^/_]{1,24}[/_]*|[/_]+")
 _ID = re.compile(r"\b([0-9a-f]{32})\b")
 _WHOLE = Markup('<span class="part">{}</span>')
-_EVALUATED = re.compile(r"(.+)\.eval-([0-9a-f]{6})", re.DOTALL)
 # Swagger UI sets style attributes; scripts come from this server only, none is inline.
 CONTENT_SECURITY_POLICY = "; ".join((
     "default-src 'none'",
@@ -137,24 +134,6 @@ def some(names: Sequence[str]) -> str:
     return ", ".join(names[:MAX_NAMED]) + (f" and {rest} more" if rest > 0 else "")
 
 
-def is_evaluated(name: str) -> bool:
-    """Whether a session of an evaluation taught the task."""
-    return _EVALUATED.fullmatch(name) is not None
-
-
-def task_text(name: str) -> str:
-    """The task's name as pages show it: ``push_button, evaluation fe7416`` for those of evaluations."""
-    match = _EVALUATED.fullmatch(name)
-    return name if match is None else f"{match[1]}, evaluation {match[2]}"
-
-
-def by_origin(names: Iterable[str]) -> tuple[list[str], list[str]]:
-    """The tasks that people or robots taught, and those of evaluations."""
-    listed = list(names)
-    evaluated = [name for name in listed if is_evaluated(name)]
-    return [name for name in listed if name not in evaluated], evaluated
-
-
 def linked(text: str, root: str) -> Markup:
     """The text with each id of an episode as a link to its page; escaped."""
     link = Markup('<a class="mono" href="{root}/ui/episodes/{id}">{short}</a>')
@@ -179,8 +158,6 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "plural": plural,
     "some": some,
     "fate": {"failure": "failed", "refused": "no actions", "unknown": "no outcome", "success": "succeeded"}.__getitem__,
-    "task": task_text,
-    "by_origin": by_origin,
 }
 
 
@@ -194,7 +171,6 @@ _ENVIRONMENT.globals.update(
     navigation=NAVIGATION,
     interval=interval_text,
     pictured=pictured,
-    scene_picture=scene_picture,
     arm_titles=TITLES,
 )
 

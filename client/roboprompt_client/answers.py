@@ -60,11 +60,6 @@ class PredictedActions:
         return {finding["where"].removeprefix("objects[")[:-1]: float(finding["symmetry_deg"]) for finding in of_object}
 
     @property
-    def grounding(self) -> tuple[Mapping[str, Any], ...]:
-        """Which words of the instruction name which object."""
-        return tuple(self.response.get("grounding") or ())
-
-    @property
     def objects(self) -> tuple[ObjectPose, ...]:
         """The objects' poses that the prediction used, given or found in images."""
         return tuple(map(object_from_json, self.response.get("objects") or ()))

@@ -46,10 +46,7 @@ ONE_CAMERA = '{"name": "front", "driver": "realsense", "camera_to_world": null}'
 
 
 def open_robot(name: str, *, cameras: bool = True) -> Robot:
-    """Return the robot of MODULE:FACTORY or of a cell's file.
-
-    Args:
-        cameras: whether to open the cell's cameras, too.
+    """Return the robot of MODULE:FACTORY or of a cell's file, whose cameras are opened unless told otherwise.
 
     Raises:
         InvalidInputError: if the factory does not exist, or the file is invalid.
@@ -59,9 +56,9 @@ def open_robot(name: str, *, cameras: bool = True) -> Robot:
     path = Path(name)
     cell: Mapping[str, Any] = {"arm": name} if ":" in name and not path.exists() else read_cell(path)
     with ExitStack() as opened:
-        rig = rig_from_json(cell["cameras"], path.parent, cell.get("table")) if cameras and "cameras" in cell else None
-        if rig is not None:
-            opened.callback(rig.close)
+        wanted = cameras and "cameras" in cell
+        rig = rig_from_json(cell["cameras"], path.parent, cell.get("table")) if wanted else Rig()
+        opened.callback(rig.close)
         robot = _robot(cell, path.parent, rig, opened)
         opened.pop_all()
     return robot
@@ -77,7 +74,7 @@ def closing_robot(robot: Robot) -> Iterator[Robot]:
             robot.close()
 
 
-def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None, opened: ExitStack) -> Robot:
+def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig, opened: ExitStack) -> Robot:
     """Return the robot; `opened` closes its driver if the arm then cannot be used."""
     how: dict[str, Any] = {"tolerance": _tolerance(cell.get("tolerance", {}))}
     if "open_width_m" in cell:
@@ -105,16 +102,9 @@ def _robot(cell: Mapping[str, Any], folder: Path, rig: Rig | None, opened: ExitS
 
 
 def make_driver(field: str, name: str, known: Mapping[str, str], options: object) -> Any:  # noqa: ANN401
-    """Return the driver that a factory makes.
+    """Return the driver that a factory makes of options by name: one of the `known`, or MODULE:FACTORY.
 
-    Args:
-        field: the field that an error names, e.g. ``arm`` or ``cameras[front].driver``.
-        name: one of `known`, or MODULE:FACTORY.
-        known: MODULE:FACTORY by name.
-        options: the factory's arguments by name.
-
-    Raises:
-        InvalidInputError: if the factory does not exist, or does not take these options.
+    Raises InvalidInputError, naming `field` (``cameras[front].driver``), if there is none, or for other options.
     """
     module, colon, factory = known.get(name, name).partition(":")
     valid = ", ".join([*known, "MODULE:FACTORY"])
@@ -170,15 +160,9 @@ def _tolerance(document: object) -> Tolerance:
 
 
 def rig_from_json(document: object, folder: Path, table: object = None) -> Rig:
-    """Open the `cameras` of a cell's file.
+    """Open the `cameras` of a cell's file in `folder`; `table` is the cell's, if there is one.
 
-    Args:
-        folder: of the file; folders of frames are relative to it.
-        table: the cell's `table`, if there is one.
-
-    Raises:
-        InvalidInputError: if the document is malformed.
-        CameraError: if a camera cannot be opened.
+    Raises InvalidInputError if the document is malformed, and CameraError if a camera cannot be opened.
     """
     if not isinstance(document, list) or not document:
         raise InvalidInputError("cameras", f"is {document!r:.80}", f"a list, each as {ONE_CAMERA}")

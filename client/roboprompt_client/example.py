@@ -4,7 +4,6 @@ The arm is imaginary: it is at once where it is sent, and prints each action. Th
 """
 
 import argparse
-import signal
 from itertools import pairwise
 
 import numpy as np
@@ -65,21 +64,8 @@ def press(button_m: tuple[float, float, float]) -> Trajectory:
     return Trajectory.from_poses(positions_m, np.tile(DOWN_XYZW, (frames, 1)), np.zeros(frames), times_s)
 
 
-def main() -> None:
-    """Teach five demonstrations, and press the button at a place that none of them shows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--url", default=DEFAULT_URL, help="of the service (default: %(default)s)")
-    try:
-        pressed = teach_and_press(parser.parse_args().url)
-    except RoboPromptError as error:
-        parser.exit(1, f"{error}\n")
-    except KeyboardInterrupt:
-        parser.exit(128 + signal.SIGINT, "interrupted\n")
-    parser.exit(int(not pressed))
-
-
 def teach_and_press(url: str) -> bool:
-    """Teach and press with the service at `url`; return whether the button was pressed.
+    """Teach five demonstrations, and press the button at a place that none of them shows; return whether it worked.
 
     Raises:
         RoboPromptError: if the service refuses or does not answer, or the robot refuses the answer.
@@ -98,4 +84,9 @@ def teach_and_press(url: str) -> bool:
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--url", default=DEFAULT_URL, help="of the service (default: %(default)s)")
+    try:
+        parser.exit(int(not teach_and_press(parser.parse_args().url)))
+    except RoboPromptError as error:
+        parser.exit(1, f"{error}\n")

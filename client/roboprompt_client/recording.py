@@ -8,9 +8,8 @@ import shutil
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from itertools import count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from uuid import uuid4
 
 import numpy as np
@@ -25,20 +24,8 @@ from roboprompt_client.types.trajectory import Trajectory, trajectory_from_array
 
 RATE_HZ = 50.0
 MIN_RATE_HZ, MAX_RATE_HZ = 20.0, 1000.0
+Sample = tuple[float, ArmState]  # with its time in seconds
 OPEN_ABOVE_M = 0.01  # fingers that never move count as open above this width
-
-
-class Progress(NamedTuple):
-    """A recording so far: number of frames, duration, and the arm's last state."""
-
-    frames: int
-    elapsed_s: float
-    state: ArmState
-
-    @property
-    def rate_hz(self) -> float:
-        """The sampling rate that was reached."""
-        return (self.frames - 1) / self.elapsed_s if self.elapsed_s else 0.0
 
 
 class Recorder:
@@ -58,9 +45,8 @@ class Recorder:
 
     def __init__(self, arm: Any, rate_hz: float = RATE_HZ) -> None:  # noqa: ANN401
         self._arm, self._period_s = arm, 1 / checked_rate_hz(rate_hz)
-        self._samples: list[tuple[float, ArmState]] = []
+        self._samples: list[Sample] = []
         self._ended = threading.Event()
-        self._progress: Progress | None = None
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
 
@@ -69,11 +55,11 @@ class Recorder:
         self._thread.start()
 
     @property
-    def progress(self) -> Progress | None:
-        """The recording so far; None before the first sample. Raises as `stop` after the arm failed."""
+    def samples(self) -> Sequence[Sample]:
+        """What was recorded so far; raises MotionError if the arm stopped answering."""
         if self._error is not None:
             raise self._error
-        return self._progress
+        return self._samples
 
     def stop(self) -> Trajectory:
         """Stop sampling, and return the trajectory.
@@ -84,28 +70,21 @@ class Recorder:
         """
         self._ended.set()
         self._thread.join()
-        if self._error is not None:
-            raise self._error
-        return _trajectory(self._samples)
+        return _trajectory(self.samples)
 
     def _run(self) -> None:
-        try:
-            self._sample()
-        except MotionError as error:
-            self._error = error
-
-    def _sample(self) -> None:
-        began_s = due_s = time.monotonic()
-        for frames in count(1):  # at least one sample
+        due_s = time.monotonic()
+        while not self._samples or not self._ended.wait(due_s - time.monotonic()):  # at least one sample
             asked_s = time.monotonic()
-            state = self._arm.state()
+            try:
+                state = self._arm.state()
+            except MotionError as error:
+                self._error = error
+                return
             seen_s = (asked_s + time.monotonic()) / 2
             # by the arm's own clock, where it has one
             self._samples.append((seen_s if state.time_s is None else state.time_s, state))
-            self._progress = Progress(frames, seen_s - began_s, state)
             due_s = max(due_s + self._period_s, seen_s)
-            if self._ended.wait(due_s - time.monotonic()):
-                return
 
 
 def checked_rate_hz(rate_hz: float) -> float:
@@ -115,7 +94,7 @@ def checked_rate_hz(rate_hz: float) -> float:
     raise InvalidInputError("rate_hz", f"is {rate_hz:g}", f"{MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}")
 
 
-def _trajectory(samples: Sequence[tuple[float, ArmState]]) -> Trajectory:
+def _trajectory(samples: Sequence[Sample]) -> Trajectory:
     times_s = np.array([time_s for time_s, _ in samples])
     kept = np.flatnonzero(np.diff(times_s, prepend=-np.inf) > 0)
     states = [samples[k][1] for k in kept.tolist()]

@@ -85,7 +85,6 @@ class Robot(Protocol):
 
     def observe(self) -> Observation:
         """Return the scene as it is now; called while the arm rests."""
-        ...
 
     def execute(self, action: EndEffectorAction) -> None:
         """Move the end effector to the action's pose, then set the gripper; return when both are done.
@@ -93,11 +92,9 @@ class Robot(Protocol):
         Raises:
             MotionError: if the pose cannot be reached or was not reached.
         """
-        ...
 
     def stop(self) -> None:
         """Stop the arm where it is; safe to call at any time and from any thread."""
-        ...
 
 
 @runtime_checkable
@@ -106,7 +103,6 @@ class ChecksPlans(Protocol):
 
     def check_plan(self, actions: Sequence[EndEffectorAction]) -> None:
         """Raise MotionError, naming the action, if one of a plan's actions cannot be reached."""
-        ...
 
 
 def stop_after_error(robot: Robot) -> None:

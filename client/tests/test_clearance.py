@@ -32,12 +32,6 @@ def test_a_way_through_has_places_inside(start_m, end_m):
         assert sampled_m(start_m, end_m) <= np.linalg.norm(np.subtract(end_m, start_m)) / 4000
 
 
-@given(PLACES, PLACES)
-def test_both_ways_are_alike(start_m, end_m):
-    there, back = (clearance_m(*way, LOW, HIGH) for way in ((start_m, end_m), (end_m, start_m)))
-    assert there == pytest.approx(back, abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("start_m", "end_m", "through"),
     [

@@ -152,25 +152,6 @@ def test_a_danger_is_asked_about_as_such_once_and_yes_does_not_answer_it(service
     assert (status, asked[0], asked.count(danger), len(asked)) == (0, danger, 1, len(others) + 2)
 
 
-@pytest.mark.parametrize(
-    ("command", "said"),
-    [
-        ((), "Teach a RoboPrompt service with"),
-        (("predict",), "Print the actions for a scene"),
-        (("run",), "Observe the scene, ask for actions, and carry them out with an arm"),
-        (("record",), "Record demonstrations while a person moves the arm"),
-        (("check",), "Check whether an arm does what the Robot Protocol says"),
-    ],
-)
-def test_help_says_what_a_command_does(monkeypatch, capsys, command, said):
-    with pytest.raises(SystemExit) as ended:
-        type_command(monkeypatch, *command, "--help")
-    assert ended.value.code == 0
-    shown = capsys.readouterr().out
-    assert said in " ".join(shown.split())
-    assert "--url URL" in shown
-
-
 def test_a_file_that_is_not_there_is_named(service, monkeypatch, capsys):
     words = ("predict", "--task", "pick", "--instruction", "pick", "--objects", "none.json")
     assert type_command(monkeypatch, *words)[0] == 1

@@ -7,7 +7,7 @@ import pytest
 from makers import Body, open_ur
 
 from roboprompt_client.arms.arm import Arm
-from roboprompt_client.arms.named import TITLES, UR_GRIPPER_M, ArmModel, named_geometry
+from roboprompt_client.arms.named import UR_GRIPPER_M, ArmModel, named_geometry
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.motion.limits import MotionLimits
 from roboprompt_client.types import quaternions as rotations
@@ -25,11 +25,6 @@ def test_a_ready_arm_points_down_before_its_base_and_goes_straight(model):
     goal_m = hand[:3, 3] + [0.05, 0.1, -0.05]
     joints = arm.way(arm.ready_rad, goal_m, rotations.from_matrix(hand[:3, :3]))
     np.testing.assert_allclose(arm.hand(joints)[:3, 3], goal_m, atol=1e-3)
-
-
-def test_each_has_a_title():
-    assert tuple(TITLES) == MODELS
-    assert TITLES["ur10e"] == "UR10e"
 
 
 @pytest.mark.parametrize(("model", "reach_m"), [("ur3e", 0.5), ("ur5e", 0.85), ("ur10e", 1.3), ("ur16e", 0.9)])

@@ -9,6 +9,7 @@ from arms import ANSWER, Arm, Service
 from roboprompt_client.answers import Outcome, PlannedStep
 from roboprompt_client.errors import (
     DangerError,
+    MotionError,
     NotConfirmedError,
     RoboPromptError,
     ServiceProblemError,
@@ -74,6 +75,14 @@ def test_each_step_is_asked_about_its_own_objects_as_they_are_then():
     assert planner.questions[1][2].objects[0].position_m[0] == pytest.approx(0.3)
     assert planner.questions[0][3] == {"model": "nearest"}
     assert (len(robot.heights), robot.stopped) == (6, 0)
+
+
+def test_the_reach_of_each_step_is_checked_before_it_moves():
+    robot = Robot()
+    robot.check_plan = lambda actions: (_ for _ in ()).throw(MotionError(f"{len(actions)} out of reach"))
+    with pytest.raises(MotionError, match="3 out of reach"):
+        run_plan(Planner(ANSWER, ANSWER), robot, "fill the box")
+    assert (robot.heights, robot.stopped) == ([], 1)
 
 
 NOTHING = replace(ANSWER, actions=())

@@ -201,6 +201,10 @@ def test_the_poses_of_a_plan_are_all_asked_of_a_driver_without_geometry():
     assert str(error) == "action 2 of the plan: the controller says no; nothing was moved"
 
 
+def test_a_plan_may_be_as_long_as_was_asked_for():
+    Arm(Unknown(), calibration=AT_BASE).check_plan([to(0.45, 0, 0.4)] * 101)
+
+
 def test_of_another_robot_nothing_is_known(capsys):
     Person(object(), "http://lab").preview([to(0.4, 0, 0.4)], NO_LIMITS, "p1")
     said = capsys.readouterr().err

@@ -1,6 +1,5 @@
 """Wrong choices end a command before any work starts, in words that say what would be right."""
 
-import json
 import sqlite3
 import subprocess
 import sys
@@ -193,20 +192,3 @@ def test_nothing_is_hidden():
     assert len(everything) > len(COMMANDS)
     assert not [item.name for item in everything if item.hidden]
     assert not [item.name for command in everything for item in command.params if getattr(item, "hidden", False)]
-
-
-def test_models_of_a_running_service(monkeypatch):
-    offered = (
-        {"name": "openai/gpt-4o", "available": False, "reason": "set a key"},
-        {"name": "nearest", "available": True},
-    )
-    client = "roboprompt_client.client.RoboPromptClient"
-    monkeypatch.setattr(f"{client}.ping", lambda self: None)
-    monkeypatch.setattr(f"{client}.get", lambda self, path: json.loads(json.dumps({"models": offered})))
-    for model, expected in (
-        ("openai/gpt-4o", "openai/gpt-4o: set a key"),
-        ("gpt-5", "there are openai/gpt-4o, nearest"),
-    ):
-        run = CliRunner().invoke(application, ["eval", "--url", "http://127.0.0.1:9", "--model", model])
-        assert run.exit_code == 2
-        assert expected in said(run)

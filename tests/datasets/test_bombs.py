@@ -13,7 +13,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from app.datasets.lerobot.writer import write_lerobot
+from app.datasets.lerobot_writer import write_lerobot
 from tests.datasets.parcels import parcels
 from tests.forked import run
 

@@ -11,8 +11,8 @@ import pytest
 
 from app.datasets.bounds import Budget, DamagedError, DatasetError
 from app.datasets.formats import open_dataset
-from app.datasets.lerobot.reader import Info, Place, first_image
-from app.datasets.lerobot.writer import write_lerobot
+from app.datasets.lerobot import Info, Place, first_image
+from app.datasets.lerobot_writer import write_lerobot
 from app.datasets.options import ImportOptions, KnownObjects
 from app.datasets.parcel import ObjectEntry
 from tests.datasets import peract_folder as peract

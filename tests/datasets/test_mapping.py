@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from app.datasets.bounds import DatasetError
 from app.datasets.columns import FeatureMap, objects_of, quaternions_xyzw, selected, trajectory_of
-from app.datasets.options import read_changes
+from app.datasets.options import read_mapping
 from roboprompt_client.errors import InvalidInputError
 
 NUM_FRAMES, FREQUENCY_HZ = 12, 10.0
@@ -109,14 +109,14 @@ def test_fingers_that_stay_need_no_threshold_between(at, is_open):
     assert (trajectory_of({**columns(), "width": still}, measured, FREQUENCY_HZ).gripper_open == is_open).all()
 
 
-def test_wishes_from_file_and_command_line(tmp_path):
+def test_a_mapping_from_a_file(tmp_path):
     path = tmp_path / "mapping.json"
-    path.write_text(json.dumps({"gripper": "g", "rotation_format": "euler_xyz"}))
-    changes = read_changes(path, ("gripper=action[6]", "gripper_open_above=0.5"))
-    assert changes == {"gripper": "action[6]", "rotation_format": "euler_xyz", "gripper_open_above": 0.5}
+    path.write_text(json.dumps({"gripper": "g", "gripper_open_above": 0.5}))
+    changes = read_mapping(path)
+    assert changes == {"gripper": "g", "gripper_open_above": 0.5}
     assert FeatureMap(gripper_open_below=0.0).changed(changes).gripper_open_below is None
     for wrong in ({"grip": "x"}, {"objects": [{"title": "x"}]}, {"cameras": [{"name": "front"}]}):
         with pytest.raises(DatasetError):
             FeatureMap().changed(wrong)
-    with pytest.raises(DatasetError, match="part=column"):
-        read_changes(None, ("gripper",))
+    with pytest.raises(DatasetError, match="elsewhere"):
+        read_mapping(tmp_path / "elsewhere.json")

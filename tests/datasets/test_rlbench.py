@@ -84,9 +84,10 @@ def test_depth_keeps_a_tenth_of_a_millimeter(folder, tmp_path):
 
 
 def test_pictures_are_sent_as_they_are(folder, tmp_path):
-    (parcel,) = read(tmp_path, ImportOptions(objects=DRAWER.objects, cameras=("front",)))
+    (parcel,) = read(tmp_path)
     assert parcel.files["rgb_front"] == (folder / "front_rgb/0.png").read_bytes()
-    assert sorted(parcel.files) == ["depth_front", "mask_front", "rgb_front", "trajectory"]
+    images = [f"{kind}_{name}" for kind in ("depth", "mask", "rgb") for name in peract.CAMERAS]
+    assert sorted(parcel.files) == sorted([*images, "trajectory"])
 
 
 def test_poses_from_the_task_state(folder, tmp_path):

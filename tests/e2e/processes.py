@@ -112,16 +112,3 @@ def llm_saying(pieces, name):
             "ROBOPROMPT_COMPATIBLE_STYLE": "completion",
             "ROBOPROMPT_DEFAULT_MODEL": f"openai_compatible/{name}",
         }
-
-
-@contextmanager
-def slow_llm(reply, pause_s):
-    """One that says `reply`, row by row."""
-
-    def rows():
-        for piece in reply.replace("], ", "], \0").split("\0"):
-            yield piece
-            time.sleep(pause_s)
-
-    with llm_saying(rows, "slow") as settings:
-        yield settings

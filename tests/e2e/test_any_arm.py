@@ -66,10 +66,11 @@ def test_a_hand_without_known_joints_goes_by_its_path(http, url):
     assert all(item["keyframes"] for item in taught)
     assert http.get("/tasks/hand").json()["num_joints"] is None
     ask(url, "hand")
-    answer = http.put("/tasks/hand", json={"keyframes": {"rule": "merged"}})
+    assert http.get(f"/ui/episodes/{taught[0]['id']}/motion").status_code == 200
+    assert http.put("/tasks/hand", json={"keyframes": {"rule": "merged"}}).status_code == 200
+    answer = http.get(f"/episodes/{taught[0]['id']}")
     assert answer.status_code == 422
     assert "by which the rule merged finds rests" in answer.text
-    assert http.get(f"/ui/episodes/{taught[0]['id']}/motion").status_code == 200
 
 
 def test_the_width_above_which_fingers_are_open_is_the_task_s(http, url):

@@ -108,4 +108,4 @@ def test_an_address_that_answers_something_else(http, pose_server):
     http.put("/tasks/wrong", json={"object_models": remote(f"{pose_server}/healthz")})
     kind, detail = refusal(http.post("/episodes", files=episode("wrong", frames(SCENE), objects=NAMES)), 502)
     assert kind == "pose-server-error"
-    assert "405" in detail
+    assert "answered HTTP 4" in detail

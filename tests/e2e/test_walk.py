@@ -9,7 +9,7 @@ import pytest
 from roboprompt_client import RoboPromptClient, cli
 from roboprompt_client.cell import open_robot
 from tests.e2e.processes import running_server
-from tests.e2e.walk_cell import BASE_POSITION_M, LAB, PLACES, RADIUS_M, TABLE_TOP_M, WRIST
+from tests.e2e.walk_cell import BASE_POSITION_M, LAB, PLACES, RADIUS_M, TABLE_TOP_M
 
 CELL = {
     "arm": "tests.e2e.walk_cell:arm",
@@ -134,19 +134,3 @@ def test_from_an_empty_cell_to_the_first_motion(lab):
     assert (lab.folder / "mug.html").read_text().count("<image") == 3
 
     teach_and_run(lab)
-
-
-@pytest.mark.long
-def test_a_camera_in_the_hand_is_calibrated(lab):
-    options = {"name": "wrist", "folder": str(lab.folder / "wrist")}
-    camera = {"name": "wrist", "driver": "tests.e2e.walk_cell:camera", "options": options, "camera_to_hand": None}
-    lab.cell.write_text(json.dumps({**CELL, "cameras": [camera]}))
-    LAB.put(0.45, 0.35, 0.0)
-    LAB.go((0.16, 0.0, 1.15), (180, 0, 0))
-    LAB.board = True
-    board = ("--carried", "--square", "0.03", "--marker", "0.022")
-    said = lab.run("calibrate", "--robot", lab.cell, *board, typed=["y"] * 15)
-    LAB.board = False
-    assert "nothing: good" in said, said
-    mount = np.array(json.loads(lab.cell.read_text())["cameras"][0]["camera_to_hand"])
-    np.testing.assert_allclose(mount[:3, 3], WRIST[:3, 3], atol=0.003)

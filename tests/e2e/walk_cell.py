@@ -10,7 +10,6 @@ import os
 import sys
 import threading
 import time
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -18,7 +17,6 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.pipeline.geometry import rigid
 from app.sim import panda
 from app.sim.moves import Move, ToolPose, pick, tool_down
 from app.sim.rendering import RayCaster
@@ -34,7 +32,6 @@ from app.sim.world import (
     camera_to_world,
 )
 from roboprompt_client.arms.driver import ArmState
-from roboprompt_client.cameras.board import CharucoBoard
 from roboprompt_client.cameras.files import FrameFolder
 from roboprompt_client.types.camera import Camera
 from synthetic.camera_noise import as_a_camera_sees_it
@@ -47,11 +44,6 @@ PLACES = {
     "left": CameraPlacement((0.25, 0.70, 1.30), (0.18, 0.0, 0.80), 0.0),
     "right": CameraPlacement((0.45, -0.65, 1.30), (0.18, 0.0, 0.80), 0.0),
 }
-# A camera beside the fingers that looks along them
-WRIST = rigid((0.08, 0.0, -0.10), Rotation.from_euler("zy", [90, -8], degrees=True).as_quat())
-BOARD = CharucoBoard(5, 7, 0.03, 0.022)
-BOARD_TO_WORLD = rigid((0.12, -0.10, TABLE_TOP_M), (0, 0, 0, 1))
-FINER = 4  # than a pixel: what is drawn is averaged, as a sensor does
 GRASP_M = 0.055  # above the table, where the fingers hold the mug's wall
 SPEED = 2.0  # simulated seconds in a second
 HEIGHT_M, RADIUS_M, WALL_M = 0.080, 0.033, 0.004
@@ -98,13 +90,8 @@ class Lab:
         self._moving = threading.Lock()
         self._caster = RayCaster(self.task.model)
         self._random = np.random.default_rng(0)
-        self.board = False  # whether one lies on the table
         self._seen = {}
         self._flicker = self._random.integers(0, 3, (HEIGHT_PX + 64, WIDTH_PX + 64, 3), dtype=np.uint8)
-
-    def go(self, position_m, euler_deg):
-        """The person guides the hand there."""
-        self.perform([Move(ToolPose(np.array(position_m), Rotation.from_euler("xyz", euler_deg, degrees=True)), True)])
 
     def put(self, x_m, y_m, yaw_deg):
         with self._moving:
@@ -127,14 +114,9 @@ class Lab:
     def camera(self, name, along_x_m=0.0):
         """Its true calibration, or that of one which is so far beside it."""
         center_px = ((WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2)
-        pose = camera_to_world(PLACES[name]) if name in PLACES else self.hand() @ WRIST
+        pose = camera_to_world(PLACES[name])
         pose[:3, 3] += along_x_m * pose[:3, 0]
         return Camera(name, FOCAL_PX, FOCAL_PX, *center_px, pose)
-
-    def hand(self):
-        """(4, 4) where it is."""
-        hand = self.robot.hand
-        return rigid(hand.position_m, hand.rotation.as_quat())
 
     def shoot(self, name, along_x_m=0.0):
         """Color and depth (mm) with noise, the depth as seen by a camera so far beside it.
@@ -146,32 +128,11 @@ class Lab:
             with self._moving:
                 cast = cache(lambda x_m: self._caster.frame(self.task.data, self.camera(name, x_m)))
                 sides = [cast(0.0), cast(along_x_m)]
-            if self.board:
-                sides = [replace(side, rgb=_with_board(side)) for side in sides]
             color, depth = (as_a_camera_sees_it(side, self._random) for side in sides)
             self._seen[name] = (state, color.rgb, np.rint(depth.depth_m * 1000).astype(np.uint16))
         _, rgb, units = self._seen[name]
         row, column = self._random.integers(0, 64, 2)
         return cv2.add(rgb, self._flicker[row : row + HEIGHT_PX, column : column + WIDTH_PX]), units
-
-
-def _with_board(frame):
-    """The colors with a ChArUco board drawn in that lies on the table."""
-    texture = cv2.resize(BOARD.picture(), None, fx=1 / 3, fy=1 / 3, interpolation=cv2.INTER_AREA)
-    rim_m, m_of_px = BOARD.square_m / 2, (BOARD.size_m[0] + BOARD.square_m) / texture.shape[1]
-    left, top = m_of_px / 2 - rim_m, BOARD.size_m[1] + rim_m - m_of_px / 2
-    to_board = np.array([[m_of_px, 0, left], [0, -m_of_px, top], [0, 0, 1]])
-    seen = np.linalg.inv(frame.camera.camera_to_world) @ BOARD_TO_WORLD
-    matrix = np.array([[FOCAL_PX, 0, frame.camera.cx_px], [0, FOCAL_PX, frame.camera.cy_px], [0, 0, 1]])
-    finer = np.array([[FINER, 0, (FINER - 1) / 2], [0, FINER, (FINER - 1) / 2], [0, 0, 1]])
-    homography = finer @ matrix @ seen[:3, [0, 1, 3]] @ to_board
-    size_px = (WIDTH_PX * FINER, HEIGHT_PX * FINER)
-    drawn, covered = (
-        cv2.resize(cv2.warpPerspective(image, homography, size_px), (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA)
-        for image in (texture, np.full_like(texture, 255))
-    )
-    share = covered[..., None] / 255.0
-    return (frame.rgb * (1 - share) + drawn[..., None]).clip(0, 255).astype(np.uint8)
 
 
 LAB = Lab()

@@ -11,11 +11,10 @@ import pytest
 from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
-from app.evaluation.methods import Method
+from app.evaluation.methods import EMBEDDED, OPEN, SWEEPS, Method, chosen
 from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.run import PlanRun
 from app.evaluation.server import running_server
-from app.evaluation.sweeps import EMBEDDED, OPEN, SWEEPS, chosen
 from app.evaluation.teach import suffix_of
 from app.evaluation.world import Panda
 from app.pipeline.workspace import Workspace, discretize_actions

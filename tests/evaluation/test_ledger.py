@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from app.evaluation.ledger import Ledger, LedgerError
-from app.evaluation.methods import Method
+from app.evaluation.methods import REGRESSION, Method
 from app.evaluation.plan import Plan
 from app.evaluation.results import Crash
-from app.evaluation.sweeps import REGRESSION
 from app.evaluation.world import Panda
 from tests.evaluation.trials import ACTION, ANSWER, OBJECTS, trial
 

@@ -7,8 +7,7 @@ from typer.testing import CliRunner
 
 from app.cli import application
 from app.evaluation.ledger import document_of, outcome_of
-from app.evaluation.methods import Method, with_shift
-from app.evaluation.sweeps import COPY
+from app.evaluation.methods import COPY, Method, with_shift
 from tests.evaluation.trials import trial
 
 

@@ -11,18 +11,14 @@ import pytest
 from rich.progress import Progress
 
 from app.evaluation.ledger import Ledger
-from app.evaluation.methods import Method
+from app.evaluation.methods import COPY, EXPERT, REGRESSION, REPLAY, Method
 from app.evaluation.paper import disturbed
-from app.evaluation.plan import OtherModelError, Plan, evaluation_of
+from app.evaluation.plan import Plan, evaluation_of
 from app.evaluation.results import Crash
-from app.evaluation.run import PlanRun, ServiceLostError
-from app.evaluation.server import free_port
-from app.evaluation.server import running_server as real_server
-from app.evaluation.sweeps import COPY, EXPERT, REGRESSION, REPLAY
+from app.evaluation.run import PlanRun
 from app.evaluation.world import Panda
 from app.sim.demonstrate import view_scene
 from roboprompt_client.client import RoboPromptClient
-from roboprompt_client.errors import ServiceUnreachableError
 from tests.e2e.processes import running_server
 
 NOISY = Method("noisy", {"model": "regression"}, noise=2.0)
@@ -195,34 +191,3 @@ def test_continuous_recordings_and_other_scenes(run, lessons, tmp_path):
 
 def positions(episode):
     return [item["position"] for item in episode["objects"]]
-
-
-def test_another_default_model_is_refused(run, tmp_path):
-    default = Method("default")
-    run(default)
-    written = lines(tmp_path)
-    written[0]["answer"]["model"] = "embedded/gemma-3-270m"
-    (tmp_path / "results.jsonl").write_text("".join(json.dumps(line) + "\n" for line in written))
-    with pytest.raises(OtherModelError, match="--model embedded/gemma-3-270m"):
-        run(default, episodes=2)
-
-
-def test_no_service(run):
-    with pytest.raises(ServiceUnreachableError):
-        run(REGRESSION, address=f"http://127.0.0.1:{free_port()}")
-
-
-def test_a_service_that_is_gone_ends_the_run(tmp_path):
-    plan = plan_of(REGRESSION, episodes=30)
-    with Ledger(tmp_path / "results.jsonl") as ledger:
-        with (
-            real_server(tmp_path / "data", {"ROBOPROMPT_DEFAULT_MODEL": "regression"}) as url,
-            RoboPromptClient(url) as client,
-        ):
-            lessons = PlanRun(plan, ledger, client, InlineExecutor(), Progress(disable=True)).teach()
-        with RoboPromptClient(url) as client, pytest.raises(ServiceLostError):
-            PlanRun(plan, ledger, client, InlineExecutor(), Progress(disable=True)).run_trials(lessons)
-        (task,) = evaluation_of(plan, ledger).tasks
-    assert not task.trials
-    assert 5 <= len(task.crashes) < 30
-    assert "ServiceUnreachableError" in task.crashes[0].message

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import application
-from app.evaluation.sweeps import REGRESSION
+from app.evaluation.methods import REGRESSION
 from tests.evaluation.processes import alive, descendants
 from tests.forked import Forked
 

@@ -1,15 +1,18 @@
 import pytest
 
 from app.api.schemas.requests import PredictBody
-from app.evaluation.methods import Method, with_models, with_noise, with_poses
-from app.evaluation.sweeps import (
+from app.evaluation.methods import (
     COPY,
     EXPERT,
     REGRESSION,
     REPLAY,
     SWEEPS,
+    Method,
     chosen,
     methods_beside,
+    with_models,
+    with_noise,
+    with_poses,
 )
 from app.evaluation.teach import suffix_of, variants
 from app.services.task_settings import TaskSettings

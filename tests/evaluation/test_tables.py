@@ -4,9 +4,8 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from app.evaluation.methods import Method
-from app.evaluation.results import Crash, Evaluation, TaskEvaluation, result_of
-from app.evaluation.sweeps import SWEEPS
+from app.evaluation.methods import SWEEPS, Method
+from app.evaluation.results import Crash, Evaluation, TaskEvaluation
 from app.evaluation.tables import markdown, results_table, sweep_summary
 from tests.evaluation.trials import ANSWER, trial
 
@@ -60,21 +59,12 @@ def crashed(*messages):
     return tuple(Crash("stack_cube", 100_200 + k, OURS.label, message) for k, message in enumerate(messages))
 
 
-SLOW_LLM = "ServiceProblemError: 504 The LLM did not answer in time: after 60 s"
-SLOW_SERVICE = "ServiceUnreachableError: POST http://127.0.0.1:8000/predict: timed out"
-BROKEN = "ServiceProblemError: 502 The LLM answered with an error: it mentions 504 and that it timed out"
-
-
-def test_timeouts_and_errors_count_apart_and_as_no_failures():
+def test_errors_count_as_no_failures():
     ran = task("stack_cube", (1, 2), (2, 2))
-    run = evaluation(replace(ran, crashes=crashed(SLOW_LLM, SLOW_SERVICE, BROKEN)))
-    assert "1/2 (9-91 %), 2 timeouts, 1 error" in markdown(run, "one thing")
-    summary = sweep_summary(run)
-    assert (summary["trials"], summary["errors"], summary["timeouts"]) == (4, 1, 2)
-    figures = summary["tasks"]["stack_cube"]
-    assert (figures["trials"], figures["errors"], figures["timeouts"]) == (2, 1, 2)
-    ours, other = (result_of(run.tasks[0], method) for method in run.methods)
-    assert (ours.not_run, str(ours.rate), other.not_run) == ("2 timeouts, 1 error", "1/2 (9-91 %)", "")
+    run = evaluation(replace(ran, crashes=crashed("too slow", "out of memory")))
+    assert "1/2 (9-91 %), 2 errors" in markdown(run, "one thing")
+    figures = sweep_summary(run)["tasks"]["stack_cube"]
+    assert (figures["trials"], figures["errors"]) == (2, 2)
 
 
 def printed(table, width):

@@ -10,9 +10,8 @@ from rich.progress import Progress
 
 from app.evaluation import run, trials
 from app.evaluation.ledger import Ledger
-from app.evaluation.methods import with_poses
+from app.evaluation.methods import REGRESSION, with_poses
 from app.evaluation.plan import Plan, evaluation_of
-from app.evaluation.sweeps import REGRESSION
 from app.evaluation.teach import FIRST_LABELED_SEED, Lesson, images_only, with_object_models
 from app.evaluation.world import Panda
 from app.sim.demonstrate import view_scene

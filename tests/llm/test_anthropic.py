@@ -114,8 +114,10 @@ def test_a_model_gets_the_fields_that_it_takes(model, fields):
 @pytest.mark.parametrize(
     ("model", "room"), [("claude-opus-5-5", True), ("claude-x", True), ("claude-haiku-5-5", False)]
 )
-def test_a_model_that_thinks_has_room_for_it(model, room):
-    assert body_for(model, max_tokens=9)["max_tokens"] == 9 + (THINKING_TOKENS if room else 0)
+def test_a_model_that_thinks_has_room_for_it_and_no_stop_string_that_would_end_it(model, room):
+    body = body_for(model, max_tokens=9)
+    assert body["max_tokens"] == 9 + (THINKING_TOKENS if room else 0)
+    assert ("stop_sequences" in body) == (not room)
 
 
 def test_every_row_of_the_table_can_be_reached():

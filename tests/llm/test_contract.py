@@ -4,7 +4,6 @@ import asyncio
 import json
 import re
 from contextlib import aclosing
-from dataclasses import replace
 
 import pytest
 
@@ -124,12 +123,6 @@ def test_a_reply_without_an_end_is_an_error(run):
         run(complete(as_asked(Cut(["4"])), asking(absolute_prompt())))
     with pytest.raises(ModelResponseError, match="before it was complete"):
         run(pieces_of(as_asked(Cut(["4"])), asking(absolute_prompt())))
-
-
-def test_what_is_wanted_whole_comes_in_one_piece(model, run):
-    whole = replace(asking(object_frame_prompt(), max_tokens=5), piecewise=False)
-    (completion,) = run(pieces_of(model, whole))
-    assert completion == replace(run(complete(model, whole)), usage=completion.usage)
 
 
 def test_a_chat_reply_keeps_to_a_schema(llama_server, run):

@@ -39,30 +39,6 @@ def test_reasoning_models_get_none_of_the_fields_they_refuse(model):
     assert not {"temperature", "stop", "seed"} & set(chat_body(model, quirks=quirks_of("https://api.openai.com/v1")))
 
 
-def test_a_server_that_caches_by_parts_gets_two_that_make_up_the_user_message():
-    body = chat_body(quirks=quirks_of("https://openrouter.ai/api/v1"))
-    parts = body["messages"][-1]["content"]
-    assert "".join(part["text"] for part in parts) == PROMPT.user
-    assert [("cache_control" in part) for part in parts] == [True, False]
-
-
-@pytest.mark.parametrize("model", ["gpt-5.6", "gpt-5.10-mini", "gpt-6"])
-def test_newer_models_of_openai_get_a_mark_at_the_end_of_the_prefix(model):
-    body = chat_body(model, quirks=quirks_of("https://api.openai.com/v1"), cache_key="task-1")
-    assert body["prompt_cache_options"] == {"mode": "explicit"}
-    assert body["messages"][-1]["content"] == [
-        {"type": "text", "text": "a>1, ", "prompt_cache_breakpoint": {"mode": "explicit"}},
-        {"type": "text", "text": "b>"},
-    ]
-
-
-@pytest.mark.parametrize("model", ["gpt-4o", "gpt-4.1", "gpt-5", "gpt-5.5-mini", "o3"])
-def test_older_models_of_openai_cache_by_themselves(model):
-    body = chat_body(model, quirks=quirks_of("https://api.openai.com/v1"))
-    assert "prompt_cache_options" not in body
-    assert body["messages"][-1]["content"] == "a>1, b>"
-
-
 def test_a_model_that_thinks_has_room_for_it():
     quirks = quirks_of("https://api.openai.com/v1")
     limits = [chat_body(model, quirks=quirks, max_tokens=9)["max_completion_tokens"] for model in ("gpt-4o", "gpt-5.6")]
@@ -92,11 +68,6 @@ def test_a_chat_server_gets_the_schema_where_it_takes_one(server):
     assert "grammar" not in body
     for prompt, style in ((asked, "completion"), (PROMPT, "chat")):
         assert "response_format" not in request_body(asking(prompt), "little", style, SERVERS[server])
-
-
-def test_a_prompt_without_demonstrations_is_one_string_everywhere():
-    body = chat_body(prompt=Prompt("", "", "b>"), quirks=quirks_of("https://openrouter.ai/api/v1"))
-    assert body["messages"] == [{"role": "user", "content": "b>"}]
 
 
 def test_raw_text_has_the_system_prompt_first_if_there_is_one():

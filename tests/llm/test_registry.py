@@ -2,13 +2,12 @@ import asyncio
 import os
 import re
 import signal
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
 from app.llm import backends
-from app.llm.backends import BUILT_IN, Backend, all_backends
+from app.llm.backends import BUILT_IN, Backend
 from app.llm.base import (
     ModelBusyError,
     ModelProfile,
@@ -173,16 +172,3 @@ async def test_of_the_names_in_requests_only_what_is_offered_or_starts_is_kept(t
     assert not await registry.warm_up()
     await registry.aclose()
     assert closed == ["own/x", "own/starts", "own/default"]
-
-
-own_backend = Backend(lambda model, settings: ScriptedModel([model]), lambda settings: [SCRIPTED])
-
-
-def test_another_package_adds_a_backend_but_replaces_none(monkeypatch):
-    points = [EntryPoint(name, f"{__name__}:own_backend", backends.ENTRY_POINT_GROUP) for name in ("own", "openai")]
-    monkeypatch.setattr(backends, "entry_points", lambda group: [p for p in points if p.group == group])
-    found = all_backends()
-    assert found["own"] is own_backend
-    assert found["openai"] is BUILT_IN["openai"]
-    registry = ModelRegistry(LlmSettings(), found)
-    assert asyncio.run(complete(registry.get("own/hello"), asking(object_frame_prompt()))).text == "hello"

@@ -130,12 +130,6 @@ async def test_nothing_is_tried_again_once_a_piece_has_come():
         assert len(server.requests) == 1
 
 
-def test_a_whole_reply_that_breaks_off_is_asked_for_anew():
-    broken = streamed(text("4"), end=b"400\r\ndata: {")
-    outcome, num_asked, _ = ask(in_turn(broken, OK))
-    assert (outcome, num_asked) == (Completion("42"), 2)
-
-
 def test_a_refused_connection_is_tried_again_and_then_named():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # bound and not listening: refused

@@ -17,12 +17,16 @@ from app.perception.images import (
 from roboprompt_client.errors import InvalidInputError
 from roboprompt_client.types.camera import Camera
 from tests.npy_files import HOSTILE, npy
-from tests.perception.hostile_images import png_chunk
 
 RGB = np.random.default_rng(0).integers(0, 256, (40, 60, 3), np.uint8)
 SMOOTH = np.add.outer(np.arange(40), np.arange(60))[..., None].astype(np.uint8) + np.array([0, 60, 120], np.uint8)
 MASK = np.arange(2400, dtype=np.int32).reshape(40, 60)
 DEPTH_MM = (MASK * 3).astype(np.uint16)
+
+
+def png_chunk(kind, data):
+    """A PNG's chunk."""
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
 def encoded(kind, image, *flags):

@@ -8,7 +8,7 @@ from app.sim.planner import Kinematics
 from app.sim.robot import SimulatedPanda, TrajectorySampler
 from app.sim.tasks import make_task
 from app.sim.world import BASE_POSITION_M, HOME_RAD
-from roboprompt_client.errors import InvalidInputError, MotionError
+from roboprompt_client.errors import MotionError
 from roboprompt_client.types.poses import EndEffectorAction
 
 TOOL = Kinematics(BASE_POSITION_M)
@@ -79,7 +79,7 @@ def test_observe_gives_poses_and_what_its_cameras_see():
 
 
 def test_recorder_samples_at_its_rate_what_the_joints_do(robot):
-    recorder = TrajectorySampler(robot, control_frequency_hz=20)
+    recorder = TrajectorySampler(robot)
     robot.execute(action(0.2, 0.2, 0.95, gripper_open=False))
     trajectory = recorder.trajectory()
     np.testing.assert_allclose(np.diff(trajectory.timestamps_s), 0.05, atol=1e-9)
@@ -94,9 +94,3 @@ def test_recorder_samples_at_its_rate_what_the_joints_do(robot):
     assert trajectory.gripper_open[0]
     assert not trajectory.gripper_open[-1]
     assert np.count_nonzero(np.diff(trajectory.gripper_open)) == 1
-
-
-@pytest.mark.parametrize("frequency_hz", [0, -1, 1000])
-def test_recorder_refuses_a_rate_that_it_cannot_sample(robot, frequency_hz):
-    with pytest.raises(InvalidInputError, match="control_frequency_hz"):
-        TrajectorySampler(robot, frequency_hz)

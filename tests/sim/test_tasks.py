@@ -19,13 +19,6 @@ LONG = pytest.mark.long
 # Every third, the others by `pytest -m long`: one renderer draws them all.
 SOME = list(ALL_TASKS)[::3]
 SOME_OR_LONG = [pytest.param(name, marks=[] if name in SOME else [LONG]) for name in ALL_TASKS]
-# Half of the paper's at one of two rates, everything by `pytest -m long`.
-RATES_HZ = (6, 50)
-EXPERTS_AT_RATES = [
-    pytest.param(name, rate_hz, marks=[LONG] if name not in TASKS or k % 4 != j else [])
-    for k, name in enumerate(ALL_TASKS)
-    for j, rate_hz in enumerate(RATES_HZ)
-]
 # Plans of compositions are long: that experts carry them out, tests/evaluation/test_composition.py sees every time.
 PAPERS_OR_LONG = [*TASKS, *(pytest.param(name, marks=LONG) for name in ALL_TASKS if name not in TASKS)]
 every_expert = pytest.mark.parametrize("name", PAPERS_OR_LONG, scope="module")
@@ -137,13 +130,6 @@ def test_the_expert_and_its_binned_keyframes_succeed(name, seed):
     assert not any(action.clamped for action in binned)
     result = rollout(name, seed, undiscretize_actions([action.bins for action in binned], WORKSPACE))
     assert result.succeeded, result.failure
-
-
-@pytest.mark.parametrize(("name", "frequency_hz"), EXPERTS_AT_RATES)
-def test_keyframes_are_the_experts_poses_at_other_rates(name, frequency_hz):
-    demonstration = record_demonstration(name, 1, frequency_hz, cameras=())
-    assert demonstration.succeeded, demonstration.failure
-    assert len(merged(Motion.of(demonstration.trajectory))) == len(demonstration.expert_actions)
 
 
 @pytest.mark.parametrize("name", [name for name, task in TASKS.items() if task.ways > 1])

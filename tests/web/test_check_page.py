@@ -1,7 +1,5 @@
 """Whether a task's demonstrations predict each other, as people read it."""
 
-import pytest
-
 
 def test_the_way_there(page, seeded):
     page.goto("/ui/tasks")
@@ -11,15 +9,6 @@ def test_the_way_there(page, seeded):
     assert page.get_by_role("region", name="Rows of plan 1").get_by_role("row").count() > 2
     links = page.get_by_role("region", name="Demonstrations of plan 1").get_by_role("link")
     assert sorted(links.all_inner_texts()) == sorted(episode["id"][:8] for episode in seeded)
-
-
-@pytest.mark.parametrize(("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.long), ("dark", 360)])
-def test_it_can_be_read_by_everyone(page, check_accessibility, scheme, width):
-    page.emulate_media(color_scheme=scheme)
-    page.set_viewport_size({"width": width, "height": 800})
-    page.goto("/ui/tasks/pick/check")
-    check_accessibility(page)
-    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
 def test_a_task_without_episodes_says_what_to_do(page):

@@ -88,30 +88,6 @@ def test_the_slider_shows_at_once_what_would_be_found(page, episode, http):
     assert [item["index"] for item in http.get(f"/episodes/{episode['id']}").json()["keyframes"]] == [6, 11, 20]
 
 
-def test_another_rule_shows_its_own_fields(page, episode):
-    page.get_by_label("Rule").select_option("uniform")
-    page.get_by_label("Every n-th frame").fill("7")
-    expect(page.locator("#table [role=status]")).to_have_text("3 keyframes: 2 new, 2 of the stored ones gone")
-    assert frames(page) == [7, 14, 20, 6, 11]
-    expect(page.locator("#delta")).to_be_hidden()
-    see_the_plot(page)
-    assert page.locator("#speed line.threshold").count() == 0
-
-
-def test_the_slider_moves_by_keyboard(page, episode):
-    page.locator("#delta-slider").focus()
-    page.keyboard.press("ArrowRight")
-    page.keyboard.press("ArrowRight")
-    assert page.get_by_label("rad/s").input_value() == "0.11"
-    page.get_by_label("rad/s").fill("0.5")
-    assert page.locator("#delta-slider").input_value() == "-0.3"
-    page.get_by_label("rad/s").fill("-1")
-    assert page.get_by_label("rad/s").evaluate("field => field.validity.rangeUnderflow")
-    assert page.locator("#delta-slider").input_value() == "-0.3"
-    page.get_by_label("Rule").select_option("uniform")
-    expect(page.locator("#table [role=status]")).to_contain_text("new")
-
-
 def test_long_lists_are_cut_short(http):
     trajectory = {name: np.repeat(array, 20, axis=0) for name, array in arrays(pick_trajectory(PLACES_M[0])).items()}
     files = multipart(metadata("long", {"cube": PLACES_M[0]}), npz(**trajectory))
@@ -120,15 +96,6 @@ def test_long_lists_are_cut_short(http):
     assert len(answer["keyframes"]) == len(answer["frames"]) == answer["html"].count('<tr class="new">') + 2 == 300
     assert "419 keyframes" in answer["html"]
     assert "Only the first 300" in answer["html"]
-
-
-def test_older_and_newer_ones_are_a_click_away(page, seeded):
-    page.goto(f"/ui/episodes/{seeded[1]['id']}")
-    page.get_by_role("link", name="Older").click()
-    page.wait_for_url(f"**/{seeded[0]['id']}")
-    expect(page.get_by_role("link", name="Older")).to_have_count(0)
-    page.get_by_role("link", name="Newer").click()
-    page.wait_for_url(f"**/{seeded[1]['id']}")
 
 
 def test_a_rule_is_applied_to_the_whole_task(page, http):
@@ -161,28 +128,6 @@ def test_the_scene_is_drawn_in_space(page, episode):
     assert close > 2 * far_apart(view) > 0
     page.get_by_role("button", name="Close to the motion").click()
     assert far_apart(view) == pytest.approx(close)
-
-
-def test_the_scene_is_turned_by_hand_and_by_keyboard(page, episode):
-    view = page.locator("#space-view")
-    view.locator(".frame").first.wait_for()
-    view.scroll_into_view_if_needed()
-    places = [place(view)]
-    box = view.bounding_box()
-    page.mouse.move(box["x"] + 200, box["y"] + 100)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 300, box["y"] + 100)
-    page.mouse.up()
-    places.append(place(view))
-    page.mouse.move(box["x"] + 200, box["y"] + 150)
-    assert place(view) == places[-1]
-    view.focus()
-    page.keyboard.press("ArrowUp")
-    places.append(place(view))
-    assert len(set(places)) == 3
-    near = far_apart(view)
-    page.keyboard.press("+")
-    assert far_apart(view) == pytest.approx(1.15 * near, rel=0.02)
 
 
 def test_a_recording_plays_and_is_gone_through_by_keyboard(page, episode):
@@ -219,15 +164,6 @@ def test_the_text_is_that_of_the_prompt(page, episode, http):
     expect(page.locator("#text details").nth(1).locator(".object").first).to_be_visible()
 
 
-def test_it_is_deleted_from_its_page(page, http):
-    id_ = teach(http, "deleted alone", PLACES_M[0])["id"]
-    page.goto(f"/ui/episodes/{id_}")
-    page.get_by_role("button", name="Delete…").click()
-    page.get_by_role("dialog").get_by_role("button", name="Delete").click()
-    page.wait_for_url("**/ui/episodes?task=deleted%20alone")
-    assert http.get(f"/episodes/{id_}").status_code == 404
-
-
 def test_it_is_useful_without_scripts(browser, url, seeded):
     context = browser.new_context(base_url=url, java_script_enabled=False)
     plain = context.new_page()
@@ -239,21 +175,3 @@ def test_it_is_useful_without_scripts(browser, url, seeded):
     plain.get_by_role("link", name="Its text").click()
     expect(plain.locator("details[open] pre")).to_contain_text("pick up the cube")
     context.close()
-
-
-def test_wrong_addresses_and_values_are_reported(page, seeded):
-    page.expected_refusals = [404, 422]
-    page.goto("/ui/episodes/nothing")
-    expect(page.get_by_role("alert")).to_contain_text("there is no episode 'nothing'")
-    page.goto(f"/ui/episodes/{seeded[0]['id']}?delta_rad_s=-1")
-    expect(page.get_by_role("alert")).to_contain_text("delta_rad_s")
-
-
-@pytest.mark.parametrize(("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.long), ("dark", 360)])
-def test_it_can_be_read_by_everyone(page, seeded, check_accessibility, scheme, width):
-    page.emulate_media(color_scheme=scheme)
-    page.set_viewport_size({"width": width, "height": 800})
-    page.goto(f"/ui/episodes/{seeded[0]['id']}?rule=uniform&interval=4")
-    see_the_plot(page)
-    check_accessibility(page)
-    until(page, "document.documentElement.scrollWidth <= innerWidth")

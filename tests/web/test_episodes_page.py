@@ -38,17 +38,6 @@ def test_older_ones_follow(page, many):
     expect(page.locator("tbody tr")).to_have_count(PAGE_SIZE)
 
 
-def test_instructions_are_searched(page, many):
-    page.goto("/ui/episodes")
-    page.get_by_label("Task").select_option("many")
-    page.get_by_label("Instruction or note contains").fill("100% COTTON")
-    page.get_by_role("button", name="Filter").click()
-    expect(page.locator("tbody tr")).to_have_count(1)
-    page.get_by_label("Instruction or note contains").fill("cotton <b>")
-    page.keyboard.press("Enter")
-    expect(page.locator(".empty")).to_contain_text("No episode of many fits the filter")
-
-
 def test_deletion_asks_first(page, http):
     kept, gone = (teach(http, "deletion", place_m)["id"] for place_m in PLACES_M[:2])
     page.goto("/ui/episodes?task=deletion")
@@ -86,15 +75,6 @@ def test_empty_and_unknown_tasks_say_so(page):
     expect(page.get_by_role("alert")).to_contain_text("nowhere")
     page.goto("/ui/episodes?cursor=zero")
     expect(page.get_by_role("alert")).to_contain_text("cursor")
-
-
-@pytest.mark.parametrize(("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.long), ("dark", 360)])
-def test_it_can_be_read_by_everyone(page, check_accessibility, scheme, width):
-    page.emulate_media(color_scheme=scheme)
-    page.set_viewport_size({"width": width, "height": 800})
-    page.goto("/ui/episodes?task=pick")
-    check_accessibility(page)
-    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
 def test_an_episode_is_corrected_left_out_and_found_again(page, http):

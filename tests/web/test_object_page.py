@@ -81,14 +81,6 @@ def test_clicks_add_and_take_away_a_drag_is_a_box_and_an_arrow_a_yaw(marking):
     expect(page.locator("#state")).not_to_contain_text("Its x axis points")
 
 
-def test_a_click_on_the_table_is_refused_and_taken_back(marking):
-    marking.expected_refusals = [422]
-    click(marking, (0.2, -0.15, 0))
-    expect(marking.get_by_role("alert")).to_contain_text("no object stands out there")
-    expect(marking.get_by_role("button", name="Keep this label")).to_be_disabled()
-    expect(marking.locator("svg.marking .on")).to_have_count(0)
-
-
 def test_it_works_by_keyboard_from_a_mark_to_what_is_found_in_the_task(marking, shelf, http):
     page = marking
     expect(page.locator("#enough")).to_have_text(
@@ -118,19 +110,6 @@ def test_it_works_by_keyboard_from_a_mark_to_what_is_found_in_the_task(marking, 
     )
     page.get_by_role("row", name="jar").get_by_role("link").click()
     expect(page.get_by_label("Object", exact=True)).to_have_value("jar")
-
-
-def test_refusals_say_why_and_lead_to_a_label(marking, http):
-    page = marking
-    page.get_by_label("Object", exact=True).select_option("jar")
-    click(page, CARTON_M)  # a wrong label
-    page.get_by_role("button", name="Keep this label").click()
-    page.expected_refusals = [422]
-    page.get_by_label("It looks the same").select_option("yaw")
-    page.get_by_role("button", name="Try it on every").click()
-    expect(page.locator("#learned").get_by_role("alert")).to_contain_text("jar")
-    page.get_by_role("button", name="Remove the label in this episode").click()
-    expect(page.locator("#labels li")).to_have_count(0)
 
 
 @pytest.mark.parametrize(("width", "colors"), [(1280, "light"), (390, "dark")])

@@ -72,11 +72,3 @@ def test_the_map_shows_where_it_was_shown_and_asked_and_leads_there(page, http, 
     ring.scroll_into_view_if_needed()
     ring.click(force=True)
     page.wait_for_url(f"**/ui/predictions/{failed['id']}")
-
-
-def test_it_can_be_read_by_everyone(form, check_accessibility):
-    form.emulate_media(color_scheme="dark")
-    form.set_viewport_size({"width": 360, "height": 800})
-    form.get_by_role("button", name="Add a box").click()
-    check_accessibility(form)
-    assert form.evaluate("document.documentElement.scrollWidth <= innerWidth")

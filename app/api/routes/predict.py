@@ -5,22 +5,25 @@ import re
 from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import aclosing
 
+import anyio.to_thread
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, format_sse_event
 
-from app.api.body import read_body
+from app.api.body import Body, read_body
 from app.api.documents import dry_run_document, prediction_document, understood_document
+from app.api.frames import decode_frames, decoded, split_images
 from app.api.problems import problem_of
-from app.api.question_body import questioned
 from app.api.routes import Wired, body_of, problems
 from app.api.schemas.predictions import DryRunOut, PredictionOut
 from app.api.schemas.requests import PredictBody
 from app.llm.base import Reading, TextDelta
+from app.services.container import Services
 from app.services.predict.ask import Arriving
 from app.services.predict.part_reply import PredictedAction
 from app.services.predict.question import Question
 from app.services.predict.record import Prediction
+from app.services.predict.request import PredictRequest
 from app.store.errors import StoreError
 from app.store.values import JsonObject
 
@@ -78,6 +81,34 @@ async def predict(request: Request, services: Wired) -> Response:
         first = await anext(answer)
         return EventSourceResponse(_events(request, question, first, answer))
     return JSONResponse(prediction_document(await services.predict_actions.complete(question)))
+
+
+async def questioned(body: Body, services: Services) -> tuple[PredictRequest, PredictBody]:
+    """Return the question of a body, with its task; the pages ask for it, too.
+
+    Images are decoded in a thread, for which a small JSON body does not repay the change.
+    """
+    query, asked = await decoded(services, _read_question, body) if body.parts else _read_question(body)
+    if asked.task is None:
+        query = await anyio.to_thread.run_sync(services.read_steps.with_task, query)
+    return query, asked
+
+
+def _read_question(body: Body) -> tuple[PredictRequest, PredictBody]:
+    """Return the question, checked and decoded; synchronous: call it in a thread if there are images."""
+    asked = PredictBody.model_validate(body.document)
+    images = split_images(asked.cameras, body.parts)
+    query = PredictRequest(
+        task=asked.task or "",
+        instruction=asked.instruction,
+        objects=tuple(item.query() for item in asked.objects),
+        frames=decode_frames(asked.cameras, images),
+        images=images,
+        end_effector=None if asked.end_effector is None else asked.end_effector.pose(),
+        options=asked,
+        as_sent=asked.model_dump(mode="json", exclude_unset=True),
+    )
+    return query, asked
 
 
 def _wants_events(accept: str) -> bool:

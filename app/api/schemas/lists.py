@@ -39,15 +39,10 @@ class PageQuery(BaseModel):
     cursor: Annotated[int | None, Field(ge=1, le=2**63 - 1, description="`next_cursor` of the page before")] = None
 
 
-class OfTask(BaseModel):
-    """A filter of anything that belongs to a task."""
-
-    task: Annotated[str | None, Field(max_length=64, description="only of this task")] = None
-
-
-class Filtered(OfTask):
+class Filtered(BaseModel):
     """What episodes and predictions are filtered by."""
 
+    task: Annotated[str | None, Field(max_length=64, description="only of this task")] = None
     created_from: Annotated[
         _From | None, Field(description="only what was created then or later: a date, or a date and time in UTC")
     ] = None

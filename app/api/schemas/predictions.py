@@ -109,9 +109,6 @@ DemonstrationIds = Annotated[
     list[str],
     Field(description="demonstrations of the prompt; if they have the same rows, the text may show only three of them"),
 ]
-ShownPrompt = Annotated[
-    PromptOut | None, Field(description="null if the API key may not read demonstrations (scope read)")
-]
 
 
 class StepOut(BaseModel):
@@ -136,7 +133,7 @@ class AskedOut(UnderstoodOut):
     representation: str
     prompt_format: str
     demonstration_ids: DemonstrationIds
-    prompt: ShownPrompt
+    prompt: PromptOut
     prefix_hash: Annotated[str, Field(description="digest of the prompt without the query, which an LLM's cache keeps")]
     timings_ms: dict[str, float]
     findings: Annotated[list[FindingOut], Field(description="doubts to look at before the robot moves")] = []
@@ -155,7 +152,6 @@ class DryRunOut(AskedOut):
     """The prompt that an LLM would read."""
 
     id: None = None
-    prompt: PromptOut
     grammar: str | None
 
 
@@ -179,7 +175,7 @@ class StoredPrediction(UnderstoodOut):
     representation: str
     prompt_format: str
     demonstration_ids: DemonstrationIds
-    prompt: ShownPrompt
+    prompt: PromptOut
     reply_text: str | None
     actions: list[ActionOut] | None
     objects: list[ObservedObjectOut]

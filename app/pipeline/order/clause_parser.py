@@ -150,7 +150,6 @@ class ClauseParser:
         return word.token.text.endswith("ing") and at > 0 and self._text.at(at - 1) in vocabulary.BEFORE_GERUND
 
     def _arguments(self, at: int, clause: ParsedClause) -> Parsed:
-        """Parse {argument}."""
         self._text.count_step()
         start = self.skip(at, vocabulary.FILLERS_OF_FORBIDDEN if self._forbidden else vocabulary.FILLERS)
         for more, end in self._argument(start, clause):
@@ -159,7 +158,6 @@ class ClauseParser:
             yield clause, start
 
     def _argument(self, at: int, clause: ParsedClause) -> Parsed:
-        """Yield the clause with each argument that may begin there."""
         role, start = self._preposition(at)
         for phrases, end in self._objects(start) if role and not clause.objects_in(role) else ():
             yield clause.with_objects(role, phrases, after_article=False), end
@@ -194,12 +192,10 @@ class ClauseParser:
             yield replace(replace(clause, goes_on=False).with_fixed(role, said), goes_on=False), start + 1
 
     def _preposition(self, at: int) -> tuple[str, int]:
-        """Return the role of the preposition there, and its end; an empty role without one."""
         phrase = next(vocabulary.PREPOSITIONS.all_at(self._text.texts, at), None)
         return (vocabulary.PREPOSITIONS[phrase], at + len(phrase)) if phrase else ("", at)
 
     def _objects(self, at: int) -> Objects:
-        """Parse objects."""
         if self._of_steps and not self._forbidden and self._text.at(at) in vocabulary.QUANTIFIERS:
             yield from self._several(at)
         if self._of_steps and self._text.at(at) == "them":
@@ -231,7 +227,6 @@ class ClauseParser:
                         yield left, after
 
     def _list(self, at: int) -> Objects:
-        """Yield a noun phrase, and the lists that begin with it."""
         conjunctions = ("and", "or", "nor") if self._forbidden else ("and",)
         for phrase in self._object(at):
             yield (phrase,), phrase.end

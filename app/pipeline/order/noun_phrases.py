@@ -75,7 +75,6 @@ class NounPhrases:
                 self.unmatched.add(Unmatched(start, said.end, candidates))
 
     def _described(self, said: Description) -> Iterator[Description]:
-        """Parse {modifier} {relation}."""
         self.text.count_step()
         for more in self._modified(said):
             yield from self._described(more)
@@ -83,7 +82,6 @@ class NounPhrases:
             yield from self._related(said)
 
     def _related(self, said: Description) -> Iterator[Description]:
-        """Parse {relation}."""
         self.text.count_step()
         relative = self.text.end(said.end, vocabulary.BEING) is not None
         for more in self._relations(said):
@@ -154,7 +152,6 @@ class NounPhrases:
             yield said._replace(reach=reach, means=said.means | {"relation"})
 
     def _relations(self, said: Description) -> Iterator[Description]:
-        """Parse relation."""
         introduced = self.text.end(said.end, vocabulary.BEING)
         if introduced is not None:
             for more in self._modified(said._replace(end=introduced), is_predicate=True):
@@ -169,7 +166,6 @@ class NounPhrases:
         yield from self._of_several(said)
 
     def _reaching(self, at: int, said: Description) -> Iterator[Description]:
-        """Parse nearness."""
         reach = vocabulary.REACHES.get(self.text.at(at))
         if reach and said.reach is None:
             said, at = said._replace(reach=reach, means=said.means | {"relation"}), at + 1
@@ -188,7 +184,6 @@ class NounPhrases:
                 yield far.with_pick(extreme(side, said.place or 1), at + 3)
 
     def _measured(self, at: int, said: Description) -> Iterator[Description]:
-        """Parse landmark."""
         end = self.text.end(at + 1 if self.text.at(at) == "the" else at, vocabulary.ROBOT)
         if end and self.text.at(end - 1) not in self._lexicon.objects_of:
             yield said.reaching(None, end)
@@ -196,7 +191,6 @@ class NounPhrases:
             yield said.reaching(name, end)
 
     def _beside(self, at: int, said: Description) -> Iterator[Description]:
-        """Parse beside."""
         if (relation := next(vocabulary.RELATIONS.all_at(self.text.texts, at), None)) is not None:
             for name, after in self._named(at + len(relation)):
                 pick = related(vocabulary.RELATIONS[relation], name)

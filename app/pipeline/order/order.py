@@ -184,7 +184,6 @@ def template_of(text: str, names: tuple[str, ...]) -> str:
 
 
 def _mentions(names: Sequence[str], text: str) -> tuple[Mention, ...]:
-    """Return every mention in `text`, from left to right, without overlap."""
     found = _whole_names(names, text)
     for start, end, _ in found:
         text = text[:start] + "\0" * (end - start) + text[end:]

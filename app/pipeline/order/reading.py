@@ -155,7 +155,6 @@ def _choices(taught: TaughtWords, clause: ParsedClause) -> list[tuple[FilledFram
 
 
 def _best(taught: TaughtWords, clause: ParsedClause) -> list[FilledFrame]:
-    """Return the closest matching frame of each kind, preferring frames taught with the clause's own objects."""
     every = [
         FilledFrame(frame, objects, clause)
         for frame in taught.frames
@@ -174,6 +173,5 @@ def closest(every: list[FilledFrame]) -> list[FilledFrame]:
 
 
 def _canonical(taught: TaughtWords, plan: Sequence[FilledFrame]) -> str:
-    """Return the taught texts with the clauses' objects; empty if one of them cannot be written."""
     *texts, last = [filled.frame.text_for(filled.objects, taught.names) for filled in plan]
     return _JOINT.join([*(text.rstrip(". ") for text in texts), last]) if last and all(texts) else ""

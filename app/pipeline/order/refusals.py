@@ -156,7 +156,6 @@ def _missed(phrases: NounPhrases) -> Refusal | None:
 
 
 def _holds(missed: Unmatched, phrase: NounPhrase) -> bool:
-    """Return whether an unmatched phrase contains a matched one and more: "the bottom drawer" contains "drawer"."""
     return missed.start <= phrase.start and phrase.end <= missed.end and missed[:2] != phrase[:2]
 
 

@@ -73,7 +73,6 @@ class Sentences:
         return filter(None, map(forms_of, self.units()))
 
     def _is_order(self, units: Sequence[Unit]) -> bool:
-        """Return whether the text asks for an action: "it" alone does not."""
         if not _lists_end_with_and(units):
             return False
         if any(unit.own_verb for unit in units):
@@ -101,14 +100,12 @@ class Sentences:
             yield from self._after(unit.end, (*units, unit))
 
     def _forbidding(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[Unit]:
-        """Parse forbidden."""
         for mood, table in FORBIDDING.items():
             if (self._of_steps or mood != "except") and (end := self._text.end(at, table)) is not None:
                 for clause, after in self._forbidden.at(end):
                     yield _unit(clause, units, mood, joined, at, after)
 
     def _wanted(self, at: int, units: tuple[Unit, ...], joined: frozenset[str]) -> Iterator[Unit]:
-        """Yield the units that begin there and are to be carried out."""
         for clause, after in self._clauses.at(at):
             if _may_follow(clause, units, joined) and not self._describes(clause, units, joined):
                 yield _unit(clause, units, "do", joined, at, after)

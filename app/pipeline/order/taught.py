@@ -6,12 +6,14 @@ of the taught English ones.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from app.pipeline.order.clause_parser import Accepted
 from app.pipeline.order.frames import Compound, Frame, frames_of, taught_verbs
 from app.pipeline.order.lexicon import Lexicon
 from app.pipeline.order.order import Grounding, Order, template_of
+
+MAX_KEPT = 256  # vocabularies: one of 100 instructions takes 1 MB
 
 
 class TaughtWords:
@@ -73,3 +75,11 @@ class TaughtWords:
     @cached_property
     def _templates(self) -> frozenset[tuple[str, str]]:
         return frozenset((template_of(text, self.names), Order(text, self.names).form) for text in self.instructions)
+
+
+@lru_cache(MAX_KEPT)
+def taught_words(
+    names: tuple[str, ...], aliases: tuple[tuple[str, tuple[str, ...]], ...], instructions: tuple[str, ...]
+) -> TaughtWords:
+    """Return what instructions about these objects are parsed against; cached, because robots repeat themselves."""
+    return TaughtWords(names, dict(aliases), instructions)

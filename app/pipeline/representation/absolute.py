@@ -80,7 +80,6 @@ def _complete_rows(reply_text: str) -> Iterator[str]:
 
 
 def _single_list(reply_text: str) -> list[object]:
-    """The one list of rows in a reply that may wrap it in prose or in a code fence."""
     fenced = _FENCED.findall(reply_text)
     if len(fenced) > 1:
         raise ReplyParseError(f"the reply has {len(fenced)} code fences, expected one list of actions", reply_text)

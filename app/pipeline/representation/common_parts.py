@@ -212,7 +212,6 @@ def _pieces(number: int, described: Sequence[SpotAction]) -> list[_Piece]:
 
 
 def _clusters(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
-    """Return clusters of pieces that are the same, in the order of their first occurrence."""
     clusters: list[list[_Piece]] = []
     for piece in pieces:
         for cluster in clusters:
@@ -265,7 +264,6 @@ def _mirror(sides: Sides) -> Array:
 
 
 def _averaged(cluster: Sequence[_Piece], sides: Sides) -> tuple[SpotAction, ...]:
-    """Return the median offset and mean rotation of each action over a cluster, on these sides."""
     offsets_m = np.median([piece.offsets_m for piece in cluster], axis=0) * _mirror(sides)
     turned = [Rotation.from_quat([p.actions[k].rotation_xyzw for p in cluster]).mean() for k in range(len(offsets_m))]
     return tuple(

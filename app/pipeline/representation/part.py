@@ -65,7 +65,6 @@ def _grasped(objects: Objects, hand: EndEffectorAction) -> tuple[ObjectPose, End
 
 
 def _moved(pose: ObjectPose, grasp: EndEffectorAction, release: EndEffectorAction) -> ObjectPose:
-    """Return the pose of an object that the hand has moved from where it grasped it to where it let go."""
     turn = Rotation.from_quat(release.quaternion_xyzw) * Rotation.from_quat(grasp.quaternion_xyzw).inv()
     position_m = release.position_m + turn.apply(pose.position_m - grasp.position_m)
     turned = None if pose.quaternion_xyzw is None else (turn * Rotation.from_quat(pose.quaternion_xyzw)).as_quat()

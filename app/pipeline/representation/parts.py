@@ -138,7 +138,6 @@ class _Placer:
 
 
 def _scene_text(objects: Sequence[ObjectPose]) -> str:
-    """Return which objects are at which others, a line for each of these, below a line of those by themselves."""
     host = {pose.name: _host(pose, objects) for pose in objects}
     hosts = [name for name in host if name in host.values()]
     alone = [name for name in host if host[name] is None and name not in hosts]
@@ -147,7 +146,6 @@ def _scene_text(objects: Sequence[ObjectPose]) -> str:
 
 
 def _host(pose: ObjectPose, others: Sequence[ObjectPose]) -> str | None:
-    """Return the object that another is at: on, in or beside it."""
     away_m = {
         other.name: float(np.linalg.norm((other.position_m - pose.position_m)[:2]))
         for other in others

@@ -106,7 +106,6 @@ class _Reader:
                 yield from ((step,) for step in skill.whole(clauses))
 
     def _of_units(self, units: Sequence[Unit]) -> Iterator[tuple[PlanStep, ...]]:
-        """Yield the sequences of steps that one parse of the sentence may mean."""
         forbidden = {unit: self._choices(unit.clause) for unit in units if unit.mood == "not"}
         left_out = {step for choices in forbidden.values() for steps in choices for step in steps}
         done = wanted(several.without_excepted([unit for unit in units if not forbidden.get(unit)]))
@@ -127,7 +126,6 @@ class _Reader:
             yield from (steps for steps in every if left_out.isdisjoint(steps))
 
     def _choices_of(self, done: Sequence[Unit], clauses: Sequence[ParsedClause]) -> list[list[tuple[PlanStep, ...]]]:
-        """Return the choices of each clause; empty if a clause has none."""
         choices = [self._choices(clause) for clause in clauses]
         for place in several.picked_up_to_put(done, clauses):
             choices[place] = [*choices[place], ()]
@@ -180,7 +178,6 @@ class _Reader:
         return tuple(found.values()) if len(found) == 1 else ()
 
     def _choices(self, clause: ParsedClause) -> list[tuple[PlanStep, ...]]:
-        """Return the alternatives of steps that a clause may ask for; none if no task does it."""
         if clause not in self._known:
             self._known[clause] = self._chosen(clause)
         return self._known[clause]

@@ -62,7 +62,6 @@ class Skill:
                     yield PlanStep(self.task, text.rstrip(". "))
 
     def _has_strangers(self, text: str) -> bool:
-        """Return whether an object of the text has a role in which another kind was taught."""
         return any(strangers(Order(text, self.taught.names), self.taught.instructions))
 
 

@@ -7,15 +7,17 @@ from app.pipeline.episode import Query, start_at
 from app.pipeline.errors import UngroundedInstructionError
 from app.pipeline.finding import Finding, finding
 from app.pipeline.order.order import Order
+from app.pipeline.order.reading import read
+from app.pipeline.order.taught import taught_words
 from app.pipeline.prompt import Prompt
 from app.services.measures import timed
 from app.services.predict import doubts
-from app.services.predict.instruction import parsed
 from app.services.predict.known import Known, KnownReader
 from app.services.predict.placed import Plans, place_plans
 from app.services.predict.prefix import Prefix, write_prefix
 from app.services.predict.request import PredictRequest
 from roboprompt_client.errors import InvalidInputError
+from roboprompt_client.types.poses import ObjectPose
 
 MAX_PROMPT_CHARS = 400_000  # of system prompt and demonstrations: 100,000 tokens, which no context here holds
 
@@ -89,19 +91,25 @@ def question_of(request: PredictRequest, read: KnownReader) -> Question:
 
 
 def understand(request: PredictRequest, known: Known, taught: Sequence[str]) -> Order:
-    """Return the parsed instruction.
+    """Return the instruction, parsed against those of the demonstrations that the prompt shows.
 
     Raises:
-        UngroundedInstructionError: also if it may mean an object that is not the task's; as `parsed`.
+        UngroundedInstructionError, UnfamiliarInstructionError: if it is unclear, or may mean an object that is not the
+            task's.
     """
-    order = parsed(request, taught, known.task.settings, known.objects)
-    if known.bystanders:
-        everything = (*known.objects, *known.bystanders)
-        with_others = parsed(request, taught, known.task.settings, everything)
-        if with_others.objects != order.objects:
-            meant = ", ".join(name for name in with_others.objects if name not in order.objects)
-            message = f"may mean {meant}, which demonstrations do not have"
-            raise UngroundedInstructionError("instruction", message, ", ".join(pose.name for pose in known.objects))
+
+    def parsed(objects: Sequence[ObjectPose]) -> Order:
+        names, settings = tuple(pose.name for pose in objects), known.task.settings
+        aliases = tuple(sorted((name, said) for name, said in settings.aliases.items() if name in names))
+        words = taught_words(names, aliases, tuple(dict.fromkeys(taught)))
+        layout = settings.layout({pose.name: pose.position_m for pose in objects})
+        return read(request.instruction, words, layout, allow_unfamiliar=request.options.unfamiliar == "allow")
+
+    order = parsed(known.objects)
+    if known.bystanders and (with_others := parsed((*known.objects, *known.bystanders))).objects != order.objects:
+        meant = ", ".join(name for name in with_others.objects if name not in order.objects)
+        message = f"may mean {meant}, which demonstrations do not have"
+        raise UngroundedInstructionError("instruction", message, ", ".join(pose.name for pose in known.objects))
     return order
 
 

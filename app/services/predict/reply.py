@@ -68,16 +68,18 @@ class Reply:
             UnsupportedActionError: if the demonstrations do not support an action.
             LanguageModelError: if the LLM does not answer; what was yielded may not be all of the reply.
         """
-        shows_text = self._options.stream_text
+        shows_text = piecewise and self._options.stream_text
         for asked in self._parts():
             part, before, text = self._part(asked), self.text, ""
-            async with aclosing(self._model.stream(self._request(piecewise=piecewise))) as pieces:
+            async with aclosing(self._model.stream(self._request())) as pieces:
                 while not part.complete:
                     with timed("llm"):
                         piece = await anext(pieces)
                     if isinstance(piece, Reading):
                         if shows_text:
                             yield piece
+                        continue
+                    if not piecewise and isinstance(piece, TextDelta):
                         continue
                     said = len(self.text or "")
                     text = piece.text if isinstance(piece, Completion) else text + piece.text
@@ -117,7 +119,7 @@ class Reply:
             allows=self._options.unsupported == "allow",
         )
 
-    def _request(self, *, piecewise: bool) -> CompletionRequest:
+    def _request(self) -> CompletionRequest:
         """Return the request to the LLM; raises ModelTimeoutError if no time is left."""
         question = self.question
         timeout_s = self._deadline_s - time.monotonic()
@@ -131,5 +133,4 @@ class Reply:
             temperature=self._options.temperature,
             seed=self._options.seed,
             cache_key=question.prefix.cache_key,
-            piecewise=piecewise,
         )

@@ -11,10 +11,10 @@ from app.perception.base import ObjectQuery
 from app.pipeline.errors import ObjectSetError, UnfamiliarInstructionError
 from app.pipeline.names import check_object_names, shared_aliases
 from app.pipeline.order.space import Layout
+from app.pipeline.order.taught import MAX_KEPT, taught_words
 from app.pipeline.steps.reading import read_steps
 from app.pipeline.steps.skills import PlanStep, Skill, TasksOfScene, tasks_nearest_to
 from app.services.cache import Cache
-from app.services.predict.instruction import MAX_TASKS, taught_of
 from app.services.predict.request import PredictRequest
 from app.services.task_settings import TaskSettings
 from app.store import episodes, tasks
@@ -45,7 +45,7 @@ class ReadSteps:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._known: Cache[TaskState, _PlacedSkill] = Cache(MAX_TASKS)
+        self._known: Cache[TaskState, _PlacedSkill] = Cache(MAX_KEPT)
         self._scenes: Cache[tuple[tuple[str, ...], tuple[Skill, ...]], TasksOfScene] = Cache(MAX_SCENES)
 
     def __call__(
@@ -99,7 +99,7 @@ class ReadSteps:
             shown = episodes.demonstrations(connection, task.name, settings.num_demonstrations)
             taught = dict.fromkeys(record.instruction for record in shown)
             aliases = tuple(sorted(settings.aliases.items()))
-            skill = Skill(task.name, taught_of(tuple(task.object_names or ()), aliases, tuple(taught)))
+            skill = Skill(task.name, taught_words(tuple(task.object_names or ()), aliases, tuple(taught)))
             return _PlacedSkill(skill, (*settings.robot_base, math.radians(settings.robot_base_yaw_deg)))
 
         return self._known.get_or_make(task.state, make)

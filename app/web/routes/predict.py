@@ -5,7 +5,6 @@ The form is filled in from a task, an episode, or a prediction that is asked for
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from typing import Annotated, Any, get_args
 from urllib.parse import quote
 
@@ -16,8 +15,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
 from app.api.body import read_body
-from app.api.question_body import questioned
 from app.api.routes import Wired
+from app.api.routes.predict import questioned
 from app.pipeline.prompt import SYSTEM_PROMPTS
 from app.pipeline.spans import prompt_spans
 from app.services.extract import reading
@@ -28,7 +27,7 @@ from app.store import episodes, predictions, tasks
 from app.store.filters import EpisodeFilter
 from app.store.records import EpisodeRecord, TaskRecord
 from app.store.values import CameraRecord, ImageKind, JsonObject, ObjectRecord
-from app.web.page import HEADERS, PageRoute, by_origin, render, render_part
+from app.web.page import HEADERS, PageRoute, render, render_part
 from app.web.scene import scene
 
 NUM_EPISODES = 100  # offered to take a scene from
@@ -134,7 +133,7 @@ def predict_page(request: Request, services: Wired, task: Id = "", episode: Id =
             task = episodes.get(connection, episode).task
         elif again:
             task = predictions.get(connection, again).task
-    form, name = None, task or next(chain(*by_origin(taught)), "")
+    form, name = None, task or next(iter(taught), "")
     if name:
         with reading(services.store, name, strict=False) as now:
             form = form_again(now.connection, again) if again else form_of_task(now.connection, name, episode)

@@ -1,7 +1,6 @@
 """The list of tasks with their success, a task's settings, and the list of episodes with small pictures.
 
-What a task's demonstrations make of each other is a page of its own, because it takes seconds. Uploads go by drag and
-drop; the scripts of that page send what they find to POST /episodes.
+What a task's demonstrations make of each other is a page of its own, because it takes seconds.
 """
 
 from collections import Counter
@@ -23,7 +22,7 @@ from app.store import episodes, prediction_lists, tasks
 from app.store.errors import NotFoundError
 from app.store.filters import EpisodeFilter, PredictionFilter
 from app.store.records import EpisodeRecord, TaskCounts, TaskRecord
-from app.web.page import FormQuery, PageRoute, is_evaluated, query_of, render, thumbnail
+from app.web.page import FormQuery, PageRoute, query_of, render, thumbnail
 from app.web.scene import scene
 
 router = APIRouter(route_class=PageRoute)
@@ -34,20 +33,11 @@ documents = APIRouter()
 
 @dataclass(frozen=True)
 class TaskRow:
-    """A task as the list shows it.
-
-    Attributes:
-        counts: of all its predictions.
-        of_models: the same without baselines (yardsticks).
-        newest: its newest episode, if it has one, whose picture stands for it.
-        evaluated: whether an evaluation taught it.
-    """
+    """A task as the list shows it; the picture of its newest episode, if it has one, stands for it."""
 
     record: TaskRecord
     counts: TaskCounts
-    of_models: TaskCounts
     newest: EpisodeRecord | None
-    evaluated: bool
 
 
 @router.get("/ui/tasks")
@@ -57,13 +47,12 @@ def tasks_page(
     """Every task whose name or objects contain the text."""
     with services.store.read() as connection:
         counts = tasks.counts(connection)
-        of_models = tasks.counts(connection, YARDSTICKS)
         newest = episodes.newest_by_task(connection)
         records = tasks.list_all(connection)
     rows = [
-        TaskRow(record, counts[name], of_models[name], newest.get(name), is_evaluated(name))
+        TaskRow(record, counts[record.name], newest.get(record.name))
         for record in records
-        if _contains(record, containing) and (name := record.name)
+        if _contains(record, containing)
     ]
     return render(request, "tasks.html", rows=rows, containing=containing, num_tasks=len(records))
 
@@ -78,9 +67,7 @@ def task_page(request: Request, services: Wired, name: str, applied: bool = Fals
     with reading(services.store, name, strict=False) as (connection, task, _):
         settings = TaskSettings.read(connection, task)
         newer = episodes.list_page(connection, EpisodeFilter(task=name), MAX_DRAWN).items
-        others = () if YARDSTICKS.issuperset(prediction_lists.models(connection)) else tuple(YARDSTICKS)
-        of_task = PredictionFilter(task=name, without_models=others)
-        asked = prediction_lists.list_page(connection, of_task, "newest", MAX_DRAWN).items
+        asked = prediction_lists.list_page(connection, PredictionFilter(task=name), MAX_DRAWN).items
         success = prediction_lists.counts_by_configuration(connection, name)
     newest = next(iter(newer), None)
     pictured = next((record for record in newer if any(camera.has_rgbd for camera in record.cameras)), None)
@@ -124,7 +111,6 @@ def episodes_page(request: Request, services: Wired, query: Annotated[_Listed, Q
     task = query.task or ""
     with services.store.read() as connection:
         counts = tasks.counts(connection)
-        of_models = tasks.counts(connection, YARDSTICKS)
         chosen = tasks.get(connection, task) if task else None
         page = episodes.list_page(connection, query.filter(), query.limit, query.cursor)
         num_left_out = episodes.number_of(connection, task, left_out=True) if task else 0
@@ -138,7 +124,6 @@ def episodes_page(request: Request, services: Wired, query: Annotated[_Listed, Q
         chosen=chosen,
         settings=None if chosen is None else TaskSettings.model_validate(chosen.settings),
         counts=counts[task] if task else TaskCounts(sum(item.episodes for item in counts.values())),
-        of_models=of_models[task] if task else TaskCounts(),
         task=task,
         num_left_out=num_left_out,
         first=query.cursor is None,

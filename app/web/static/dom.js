@@ -49,16 +49,6 @@ export async function attempt(place, run) {
   }
 }
 
-/** Findings, as pages made on the server list it; nothing if there is nothing. */
-export function findings(found) {
-  const entries = found.map(({ severity, code, message }) => {
-    const badge = element("span", { className: `badge ${{ info: "unknown", warning: "warning", danger: "failure" }[severity]}` }, severity);
-    const text = element("span", { className: "block" }, message);
-    return element("li", { className: severity }, badge, " ", element("strong", {}, code), text);
-  });
-  return entries.length ? [element("ul", { className: "findings" }, ...entries)] : [];
-}
-
 /**
  * Ask in a dialog; whether the answer is yes. Escape and Cancel say no, and the focus goes back.
  * @param look class of the button that says yes, e.g. "danger"

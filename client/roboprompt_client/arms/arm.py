@@ -177,7 +177,7 @@ class Arm:
         open_width_m: float | None = None,
         cameras: Rig | None = None,
     ) -> None:
-        self.driver, self.cameras = driver, cameras
+        self.driver, self.cameras = driver, cameras or Rig()
         self.to_find: tuple[str, ...] = ()
         self.calibration = calibration or Calibration.none()
         self._limits, self._tolerance, self._interlock = limits, tolerance, Interlock(driver)
@@ -201,8 +201,7 @@ class Arm:
         try:
             self.driver.close()
         finally:
-            if self.cameras is not None:
-                self.cameras.close()
+            self.cameras.close()
 
     def hand_to_world(self) -> Array:
         """Return the hand's present pose (4, 4) in the world frame."""
@@ -214,12 +213,12 @@ class Arm:
 
     def frames(self) -> tuple[RgbdFrame, ...]:
         """Return what the cameras see now; raises as `Rig.frames`."""
-        return () if self.cameras is None else self.cameras.frames(self.hand_to_world)
+        return self.cameras.frames(self.hand_to_world)
 
     def observe(self) -> Observation:
         """Return the scene as it is now; raises as `frames`."""
         frames = self.frames()
-        if self.cameras is not None and self.cameras.table is not None:
+        if self.cameras.table is not None:
             self.cameras.table.check(frames)
         seen = self._observe_scene()
         known = {item.name for item in seen.objects}
@@ -252,7 +251,7 @@ class Arm:
         Raises:
             UnsafeActionError, MotionError: naming the first action that is beyond the limits or cannot be reached.
         """
-        guard = MotionGuard(self._limits, before=self.state().pose())
+        guard = MotionGuard(self._limits, len(actions), self.state().pose())
         for action in actions:
             guard.check(action)
         has_geometry = self._geometry() is not None

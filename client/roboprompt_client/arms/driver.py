@@ -128,38 +128,30 @@ class Driver(Protocol):
 
     def state(self) -> ArmState:
         """Return the arm's present state."""
-        ...
 
     def check(self, position_m: Array, quaternion_xyzw: Array) -> None:
         """Raise MotionError if the pose is out of reach or beyond a joint's limit; nothing moves.
 
         Where the geometry is not known, each pose of a plan is asked about before the first motion.
         """
-        ...
 
     def start(self, position_m: Array, quaternion_xyzw: Array) -> None:
         """Start to move the end effector to the pose in a straight line, and return at once."""
-        ...
 
     def finished(self) -> bool:
         """Return whether the motion has ended; wait for its end for about 50 ms."""
-        ...
 
     def set_gripper(self, *, is_open: bool) -> None:
         """Open or close the gripper, and return when that is done; do nothing without a gripper."""
-        ...
 
     def halt(self) -> None:
         """Stop all motion at once, from any thread; no further step of a motion may be sent afterwards."""
-        ...
 
     def recover(self) -> None:
         """Acknowledge an error that keeps the arm from moving; called only after a person asked for it."""
-        ...
 
     def close(self) -> None:
         """Disconnect."""
-        ...
 
 
 @runtime_checkable
@@ -168,7 +160,6 @@ class Guidable(Protocol):
 
     def guided(self) -> AbstractContextManager[None]:
         """Within the context the arm compensates its weight and yields to the hand; afterwards it holds still."""
-        ...
 
 
 def pose_matrix(position_m: Array, quaternion_xyzw: Array) -> Array:

@@ -122,4 +122,3 @@ class KnowsItsJoints(Protocol):
 
     def geometry(self) -> Chain | None:
         """Return the geometry with the arm's present tool, if known; raises MotionError if the arm does not answer."""
-        ...

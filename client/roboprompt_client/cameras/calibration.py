@@ -100,9 +100,8 @@ def fit_cameras(
 class _View:
     """A sighting, with poses relative to the frame in which the board does not move (the world's or the hand's).
 
-    Attributes:
-        carrier: (4, 4) hand to world, or world to hand; `carrier @ mount` is the camera's pose in that frame.
-        board_to_camera: (4, 4) estimated from this picture alone.
+    `carrier` (4, 4) is hand to world, or world to hand: `carrier @ mount` is the camera's pose in that frame.
+    `board_to_camera` (4, 4) is estimated from this picture alone.
     """
 
     carrier: Array

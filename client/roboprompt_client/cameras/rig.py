@@ -69,13 +69,9 @@ class Picture:
     depth_scale: float = 0.001
 
     def undistorted(self, distortion: Sequence[float]) -> "Picture":
-        """Return the picture without lens distortion; the intrinsics stay.
+        """Return the picture without lens distortion, OpenCV's k1 k2 p1 p2 [k3 ...]; the intrinsics stay.
 
-        Args:
-            distortion: OpenCV's k1 k2 p1 p2 [k3 ...]; empty or all 0: the picture is returned as it is.
-
-        Raises:
-            InvalidInputError: if OpenCV is needed and not installed.
+        Raises InvalidInputError if OpenCV is needed, because one of them is not 0, and not installed.
         """
         if not any(distortion):
             return self
@@ -97,11 +93,9 @@ class CameraDriver(Protocol):
         Raises:
             CameraError: if there is none (unplugged, too slow, no frame); the caller adds the camera's name.
         """
-        ...
 
     def close(self) -> None:
         """Disconnect."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +115,8 @@ class MountedCamera:
     def calibrated(self, picture: Picture, hand_to_world: Array | None) -> RgbdFrame:
         """Return the picture as a frame with its camera's pose in the world.
 
-        Args:
-            hand_to_world: (4, 4) at the time of the picture; needed for a camera in the hand.
-
-        Raises:
-            InvalidInputError: if the camera is not calibrated, or picture and intrinsics do not fit.
+        A camera in the hand needs `hand_to_world` (4, 4) at the time of the picture. Raises InvalidInputError if the
+        camera is not calibrated, or picture and intrinsics do not fit.
         """
         if self.mount is None:
             field = f"cameras[{self.name}].camera_to_{'hand' if self.in_hand else 'world'}"
@@ -140,16 +131,12 @@ class MountedCamera:
 
 
 class Rig:
-    """The cell's cameras.
+    """The cell's cameras, and the table's plane when they were calibrated, if it was remembered.
 
-    Args:
-        table: the table's plane when the cameras were calibrated, if it was remembered.
-
-    Raises:
-        InvalidInputError: for two cameras with one name.
+    Raises InvalidInputError for two cameras with one name.
     """
 
-    def __init__(self, cameras: Iterable[MountedCamera], table: Table | None = None) -> None:
+    def __init__(self, cameras: Iterable[MountedCamera] = (), table: Table | None = None) -> None:
         self.cameras, self.table = tuple(cameras), table
         names = [camera.name for camera in self.cameras]
         if twice := [name for name in names if names.count(name) > 1]:
@@ -162,10 +149,7 @@ class Rig:
             camera.driver.close()
 
     def frames(self, hand: HandPose | None = None) -> tuple[RgbdFrame, ...]:
-        """Return what the cameras see now.
-
-        Args:
-            hand: returns the hand's pose (4, 4) in the world; needed for cameras in the hand.
+        """Return what the cameras see now; those in the hand need `hand`, which returns its pose (4, 4) in the world.
 
         Raises:
             CameraError: naming the camera whose picture is missing, old, frozen, without depth, or taken in motion.

@@ -55,7 +55,6 @@ def run_calibrate(_: RoboPromptClient, arguments: Namespace) -> int:
     path = Path(arguments.robot)
     read_cell(path)
     with seeing_arm(arguments.robot) as arm:
-        assert arm.cameras is not None
         cameras = [camera for camera in arm.cameras.cameras if camera.in_hand == arguments.carried]
         if not cameras:
             remedy = "--carried for cameras with camera_to_hand; without it those with camera_to_world"
@@ -78,7 +77,6 @@ def _sightings(
     from roboprompt_client.cameras.board import check_seen
     from roboprompt_client.cameras.calibration import Sighting
 
-    assert arm.cameras is not None
     found, intrinsics = [], {}
     for number in _guided() if by_hand else _visited(arm):
         for camera in cameras:

@@ -27,7 +27,6 @@ def run_look(client: RoboPromptClient, arguments: Namespace) -> int:
     """Print the tables, and write the page; return 1 if a camera seems wrong or an object is not found."""
     models = {} if arguments.task is None else _models(client, arguments.task, arguments.find)
     with seeing_arm(arguments.robot) as arm:
-        assert arm.cameras is not None
         sight, table = Sight.of(client, arm.frames(), models), arm.cameras.table
     doubts = sight.doubts()
     if arguments.remember and not doubts:

@@ -5,8 +5,8 @@ import select
 import sys
 import termios
 import tty
-from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable, Iterator
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
@@ -38,8 +38,8 @@ from roboprompt_client.errors import (
 )
 from roboprompt_client.recording import (
     RATE_HZ,
-    Progress,
     Recorder,
+    Sample,
     checked_rate_hz,
     upload_recording,
     write_recording,
@@ -66,16 +66,9 @@ def add_record(add: AddCommand) -> None:
     option("--objects", type=Path, metavar="FILE", help=f"{SEEN}, if the robot does not know them itself")
     add_find(record)
     option("--folder", type=Path, default=FOLDER, help=f"where recordings are kept (default: {FOLDER})")
-    option("--rate-hz", type=_rate_hz, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)")
+    option("--rate-hz", type=float, default=RATE_HZ, help="samples a second, at least 20 (default: %(default)g)")
     option("--guide", action="store_true", help="let the arm carry its weight and yield to your hand (Franka only)")
     option("--upload", type=Path, metavar="RECORDING", help="send a recording again, by its folder; record nothing")
-
-
-def _rate_hz(text: str) -> float:
-    try:
-        return checked_rate_hz(float(text))
-    except ValueError as error:  # an InvalidInputError, too
-        raise ArgumentTypeError(str(error)) from error
 
 
 def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
@@ -85,6 +78,7 @@ def run_record(client: RoboPromptClient, arguments: Namespace) -> int:
     for name in ("robot", "task", "instruction"):
         if getattr(arguments, name) is None:
             raise InvalidInputError(f"--{name}", "is missing", "needed unless --upload")
+    checked_rate_hz(arguments.rate_hz)
     checked_name("--task", arguments.task)
     checked_instruction("--instruction", arguments.instruction)
     if arguments.objects is not None:
@@ -159,7 +153,7 @@ def _seen(robot: Robot, objects: Path | None) -> Observation:
     if objects is None:
         return robot.observe()
     given = observation_from_file("--objects", objects)
-    if not isinstance(robot, Arm) or robot.cameras is None:
+    if not isinstance(robot, Arm) or not robot.cameras.cameras:
         return given
     seen, known = robot.observe(), [item.name for item in given.objects]
     return Observation(given.objects, seen.frames, [name for name in seen.to_find if name not in known])
@@ -209,8 +203,8 @@ def _until_ended(arm: Any, recorder: Recorder) -> bool:  # noqa: ANN401
                     return key != DISCARD
                 if key in (OPEN, CLOSE) and hasattr(arm, "set_gripper"):
                     arm.set_gripper(is_open=key == OPEN)
-            if (progress := recorder.progress) is not None:
-                _show(f"\r{_line(progress)}{CLEAR_LINE}")
+            if samples := recorder.samples:
+                _show(f"\r{_line(samples)}{CLEAR_LINE}")
 
 
 @contextmanager
@@ -236,11 +230,12 @@ def _pressed(wait_s: float) -> str:
     return os.read(sys.stdin.fileno(), MAX_KEYS).decode(errors="ignore") or DISCARD  # a terminal that was closed
 
 
-def _line(progress: Progress) -> str:
-    state = progress.state
+def _line(samples: Sequence[Sample]) -> str:
+    (first_s, _), (last_s, state) = samples[0], samples[-1]
     x_m, y_m, z_m = state.position_m
+    rate_hz = (len(samples) - 1) / (last_s - first_s) if last_s > first_s else 0.0
     width = "" if state.gripper_width_m is None else f"  gripper {1000 * state.gripper_width_m:3.0f} mm"
-    return f"{progress.elapsed_s:6.1f} s  {progress.rate_hz:4.0f} Hz  hand {x_m:+.3f} {y_m:+.3f} {z_m:+.3f} m{width}"
+    return f"{last_s - first_s:6.1f} s  {rate_hz:4.0f} Hz  hand {x_m:+.3f} {y_m:+.3f} {z_m:+.3f} m{width}"
 
 
 def _show(text: str) -> None:

@@ -42,7 +42,7 @@ def add_find(parser: ArgumentParser) -> None:
 def seeing_arm(cell: str) -> Iterator[Arm]:
     """Open the arm of a cell's file, and close it at the end; raises InvalidInputError if the cell has no cameras."""
     with closing_robot(open_robot(cell)) as robot:
-        if not isinstance(robot, Arm) or robot.cameras is None:
+        if not isinstance(robot, Arm) or not robot.cameras.cameras:
             raise InvalidInputError("--robot", f"{cell} has no cameras", CELL)
         yield robot
 
@@ -50,11 +50,9 @@ def seeing_arm(cell: str) -> Iterator[Arm]:
 def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str | None, find: Sequence[str] | None) -> None:
     """Set which objects are to be found in the cameras' pictures: those in `find`, else those that the task knows.
 
-    Raises:
-        InvalidInputError: if neither objects nor a task are named, or the service does not answer.
-        ServiceProblemError: if it refuses.
+    Raises InvalidInputError if neither objects nor a task are named, or the service does not answer.
     """
-    if not isinstance(robot, Arm) or robot.cameras is None:
+    if not isinstance(robot, Arm) or not robot.cameras.cameras:
         return
     valid = "the names of the objects in view"
     if find is None and task is None:
@@ -66,11 +64,7 @@ def find_in_pictures(robot: Robot, client: RoboPromptClient, task: str | None, f
 
 
 def other_base(robot: Robot, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the base of the cell's arm as a task's settings; empty if the settings have it there, or it is not known.
-
-    Args:
-        settings: of a task; what they lack is as for a new task.
-    """
+    """Return the base of the cell's arm as a task's settings; empty if these have it there, or it is not known."""
     if not isinstance(robot, Arm) or quaternions.tilt_rad(robot.calibration.quaternion_xyzw) > MAX_TILT_RAD:
         return {}
     known = {**DEFAULT_BASE, **settings}
@@ -83,13 +77,9 @@ def other_base(robot: Robot, settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def require_same_base(robot: Robot, task: str, settings: Mapping[str, Any] | None) -> None:
-    """Refuse a task that has the arm's base elsewhere than the cell, as "left" and "nearest" depend on it.
+    """Raise InvalidInputError if a task (None: there is none) has the arm's base elsewhere than the cell.
 
-    Args:
-        settings: the task's document; None: there is no such task.
-
-    Raises:
-        InvalidInputError: if the base is elsewhere, or turned otherwise.
+    "left" and "nearest" depend on it.
     """
     if settings is not None and (base := other_base(robot, settings)):
         has = {name: settings.get(name, DEFAULT_BASE[name]) for name in base}
@@ -154,14 +144,7 @@ def recovered(robot: Robot) -> bool:
 
 
 class Person:
-    """The person who answers a run's `preview`, `on_danger`, `confirm` and `on_outcome`.
-
-    Args:
-        url: of the service that has a page of each prediction.
-
-    Attributes:
-        said: the last outcome that the person gave.
-    """
+    """The person who answers a run's `preview`, `on_danger`, `confirm` and `on_outcome`; `said` is the last outcome."""
 
     def __init__(self, robot: Robot, url: str = "") -> None:
         self._robot, self._url = robot, url

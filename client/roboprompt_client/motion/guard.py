@@ -45,7 +45,6 @@ class MotionGuard:
         index, pose = self._index, Pose.of(action)
         if index >= self._max_actions:
             raise UnsafeActionError(index, "index", f"is {index}", f"at most {self._max_actions} actions")
-        _check_values(index, pose, action.gripper_open)
         self._check_workspace(index, pose)
         self._check_keep_out(index, self._before, pose)
         if self._before is not None:
@@ -93,16 +92,20 @@ class MotionGuard:
 
 
 def action_from_json(index: int, value: object) -> EndEffectorAction:
-    """Return an action of the service's answer, with every member checked.
+    """Return an action of the service's answer.
 
     Raises:
         UnsafeActionError: if a member is missing, not finite, not a unit quaternion or not a boolean.
     """
     document: Mapping[str, Any] = value if isinstance(value, Mapping) else {}
-    pose = Pose(_numbers(index, document, "position", 3), _numbers(index, document, "quaternion_xyzw", 4))
-    gripper_open = document.get("gripper_open")
-    _check_values(index, pose, gripper_open)
-    return EndEffectorAction(np.array(pose.position_m), np.array(pose.quaternion_xyzw), gripper_open is True)
+    place, turn = _numbers(index, document, "position", 3), _numbers(index, document, "quaternion_xyzw", 4)
+    if not isinstance(gripper_open := document.get("gripper_open"), bool):
+        raise UnsafeActionError(index, "gripper_open", f"is {gripper_open!r:.40}", "true or false")
+    try:
+        return EndEffectorAction(np.array(place), np.array(turn), gripper_open)
+    except InvalidInputError as error:
+        quantity = error.field.removeprefix("action.")
+        raise UnsafeActionError(index, quantity, error.message, str(error.valid)) from error
 
 
 def angle_deg(first_xyzw: tuple[float, ...], second_xyzw: tuple[float, ...]) -> float:
@@ -140,18 +143,6 @@ def _check_start(pose: Pose) -> None:
         raise InvalidInputError("end_effector", message, "3 finite numbers in m and a unit quaternion, order x y z w")
 
 
-def _check_values(index: int, pose: Pose, gripper_open: object) -> None:
-    for name, values in (("position", pose.position_m), ("quaternion_xyzw", pose.quaternion_xyzw)):
-        if not all(map(math.isfinite, values)):
-            raise UnsafeActionError(index, name, f"is {list(values)}", "finite numbers")
-    norm = math.hypot(*pose.quaternion_xyzw)
-    if abs(norm - 1) > QUATERNION_NORM_TOLERANCE:
-        bound = "a unit quaternion, order x y z w"
-        raise UnsafeActionError(index, "quaternion_xyzw", f"has the norm {norm:.6g}", bound)
-    if gripper_open is not True and gripper_open is not False:
-        raise UnsafeActionError(index, "gripper_open", f"is {gripper_open!r:.40}", "true or false")
-
-
 def _numbers(index: int, document: Mapping[str, Any], name: str, length: int) -> tuple[float, ...]:
     values = document.get(name)
     if (
@@ -167,11 +158,7 @@ def _numbers(index: int, document: Mapping[str, Any], name: str, length: int) ->
 
 
 def passes_through(start_m: Point, end_m: Point, min_m: Point, max_m: Point) -> bool:
-    """Return whether a point of the straight way from `start_m` to `end_m`, both (3,), is inside the box.
-
-    Args:
-        min_m, max_m: (3) opposite corners of the box.
-    """
+    """Return whether a point of the straight way from `start_m` to `end_m`, (3,) as the box's corners, is inside it."""
     entry, leave = -math.inf, math.inf
     for start, end, low, high in zip(start_m, end_m, min_m, max_m, strict=True):
         if (step := end - start) == 0:

@@ -42,10 +42,7 @@ class ObjectFinder:
             self._check_images(first)
 
     def look_for(self, name: str, others: Iterable[str]) -> Poses:
-        """Return the poses of the objects in sight by name, among them that of `name`.
-
-        Args:
-            others: that images are searched for, too.
+        """Return the poses of the objects in sight by name; images are searched for `name` and the others.
 
         Raises:
             ObjectLostError: if `name` is not in sight, or in images one of the others.

@@ -145,8 +145,7 @@ def run_plan(
 
     Args:
         confirm_steps: asked once before anything moves.
-        on_outcome: called after each step; the plan goes on only if it returns a success. None: a step whose actions
-            were carried out counts as done.
+        on_outcome: called after each step; the plan goes on only after a success. None: what was carried out is done.
         how: arguments of `run_task`, for each step.
 
     Raises:
@@ -192,9 +191,9 @@ class _OnlyObjects:
     robot: Robot
     names: Collection[str]
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401
-        """Return what the robot offers besides the Protocol's methods, such as `check_plan`."""
-        return getattr(self.robot, name)
+    def check_plan(self, actions: Sequence[EndEffectorAction]) -> None:
+        if isinstance(self.robot, ChecksPlans):
+            self.robot.check_plan(actions)
 
     def observe(self) -> Observation:
         seen = self.robot.observe()

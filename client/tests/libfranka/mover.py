@@ -14,13 +14,13 @@ HOME_M, DOWN = np.array([0.5, 0.0, 0.5]), np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class Service:
-    """Answers with a thousand actions, which no limits bound."""
+    """Answers with a hundred actions, which no limits bound."""
 
     def motion_limits(self, task):
         return MotionLimits(hand_radius_m=0.0)
 
     def predict(self, *_, **__):
-        offsets = [np.array([0.06, 0.0, -0.06]) * (k % 2) for k in range(1, 1001)]
+        offsets = [np.array([0.06, 0.0, -0.06]) * (k % 2) for k in range(1, 101)]
         actions = tuple(EndEffectorAction(HOME_M + offset, DOWN, bool(k % 2)) for k, offset in enumerate(offsets, 1))
         return type("Answer", (), {"actions": actions, "findings": (), "id": "p", "response": {}})
 
@@ -33,7 +33,7 @@ def say_moving(index, action):
 def main():
     with Arm(Franka(sys.argv[1], dynamics=float(sys.argv[2]), realtime=False)) as arm:
         print("ready", flush=True)
-        run_task(Service(), arm, "t", "go", confirm=say_moving, max_actions=1000)
+        run_task(Service(), arm, "t", "go", confirm=say_moving)
 
 
 if __name__ == "__main__":

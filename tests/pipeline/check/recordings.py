@@ -4,11 +4,11 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from app.pipeline.plans.recording import Recording
 from scipy.spatial.transform import Rotation
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
-from app.pipeline.plans.recording import Recording
 from roboprompt_client.types.poses import ObjectPose
 
 from ..recordings import DOWN, arrival_s, flowing, resting

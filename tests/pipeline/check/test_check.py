@@ -1,6 +1,6 @@
 import pytest
-from app.pipeline.check import check_demonstrations
 
+from app.pipeline.check import check_demonstrations
 from app.pipeline.keyframes import KeyframeRule
 from tests.pipeline.check.recordings import grasped_from, moved_as, recorded, released, shifted, slipped
 

@@ -8,10 +8,10 @@ from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.hand import Kept
 from app.pipeline.findings.outliers import gripper_outlier_findings
 from app.pipeline.findings.path_kept import kept, missed_m, path_findings
-from app.pipeline.plans import agreeing, aligned_by_plan
 
 from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
+from app.pipeline.plans import agreeing, aligned_by_plan
 from tests.pipeline.plans.taught import picked, recording
 from tests.pipeline.recordings import ScriptedMotion
 from tests.pipeline.scenes import action, demonstration, pose, rotated

@@ -7,12 +7,12 @@ import pytest
 from app.pipeline.findings.demonstrations import Taught
 from app.pipeline.findings.hand import Kept, RecordedHand
 from app.pipeline.findings.path_kept import kept
-from app.pipeline.plans import aligned_by_plan
 from app.pipeline.plans.by_scene import parting
 from scipy.ndimage import uniform_filter1d
 
 from app.pipeline.keyframes import Motion
 from app.pipeline.order.order import Order
+from app.pipeline.plans import aligned_by_plan
 from roboprompt_client.types.quaternions import yaw_rad
 from tests.pipeline.plans.taught import recording
 from tests.pipeline.recordings import ScriptedMotion

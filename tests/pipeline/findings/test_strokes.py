@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from app.pipeline.findings.demonstrations import Taught
-from app.pipeline.plans import aligned_by_plan
 from app.pipeline.plans.recording import Recording
 
 from app.pipeline.episode import Demonstration
 from app.pipeline.keyframes import KeyframeRule, Motion, find_keyframes
 from app.pipeline.order.order import Order
+from app.pipeline.plans import aligned_by_plan
 from app.services.predict.demonstrations import hands_of
 from roboprompt_client.types.poses import ObjectPose
 

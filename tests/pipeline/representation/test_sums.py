@@ -108,6 +108,12 @@ def test_rows_are_read_as_they_arrive():
     assert len(reader.finish(text)) == 2
 
 
+def test_a_row_of_a_draft_does_not_arrive():
+    codec = fitted(OPENINGS)
+    with pytest.raises(ReplyParseError, match="action 0 does not begin"):
+        ReplyReader(codec, OPENINGS[0]).feed(f"Perhaps [{ROW}; ")
+
+
 @pytest.mark.parametrize(
     ("yaw", "expected"), [("71+20=91", 19), ("3-20=-17", 55), ("71+1=72", 0), ("36", 36), ("36+0=36", 36)]
 )
@@ -129,6 +135,7 @@ ROW = "1 open drawer: [60+0=60, 51+11=62, 6+6=12, 18]"
         f"[{ROW}; ]",
         f"[{ROW}, {ROW}]",
         f"first [{ROW}], but [{ROW}]",
+        f"perhaps [{ROW}]",
         "[1 open drawer: []]",
         "[1 drawer: [60+0=60, 51+11=62, 6+6=12, 18]]",
         "[open drawer: [60+0=60, 51+11=62, 6+6=12, 18]]",

@@ -1,15 +1,13 @@
-"""A service of two workers for the pages that predict: the embedded LLM, yardsticks, and a provider that is slow."""
+"""A service for the pages that predict: yardsticks, and a provider that is slow."""
 
 import json
 import threading
 import time
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import httpx
 import pytest
 
-from app.evaluation.server import WITHOUT_KEYS
-from tests.e2e.processes import killable_server
+from tests.e2e.processes import llm_saying, running_server
 from tests.web.conftest import INSTRUCTION, PLACES_M, SCRIPTED_REPLY, teach, watched_page
 
 PIECE_S = 0.05
@@ -17,70 +15,47 @@ FIRST_ROW = 7  # words
 FAR_M = (0.55, 0.3, 0.785)
 
 
-class _SlowProvider(BaseHTTPRequestHandler):
-    """An OpenAI-compatible server that stops after its first row until `go_on` is set.
+class SlowProvider:
+    """An LLM that stops after its first row until `go_on` is set.
 
     `hung_up` counts the clients that did not wait; `reply` is one that demonstrations support.
     """
 
-    reply = ""
-    go_on = threading.Event()
-    hung_up = threading.Semaphore(0)
+    def __init__(self):
+        self.reply, self.go_on, self.hung_up = "", threading.Event(), threading.Semaphore(0)
 
-    def do_POST(self):
-        self.rfile.read(int(self.headers["Content-Length"]))
-        self.send_response(200)
-        self.send_header("Content-Type", "text/event-stream")
-        self.end_headers()
+    def pieces(self):
         try:
             for number, word in enumerate(self.reply.split(" ")):
                 if number == FIRST_ROW:
                     self.go_on.wait()
                 time.sleep(PIECE_S)
-                self._say({"choices": [{"delta": {"content": f"{word} "}, "finish_reason": None}]})
-            self._say({"choices": [{"delta": {}, "finish_reason": "stop"}]})
-            self.wfile.write(b"data: [DONE]\n\n")
-        except OSError:
+                yield f"{word} "
+        except GeneratorExit:
             self.hung_up.release()
-
-    def _say(self, chunk):
-        self.wfile.write(f"data: {json.dumps(chunk)}\n\n".encode())
-        self.wfile.flush()
-
-    def log_message(self, *arguments):
-        pass
+            raise
 
 
 @pytest.fixture(scope="session")
-def provider_address():
-    with ThreadingHTTPServer(("127.0.0.1", 0), _SlowProvider) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}/v1"
-        _SlowProvider.go_on.set()
-        server.shutdown()
+def provider():
+    return SlowProvider()
 
 
 @pytest.fixture
-def slow_provider():
-    """The provider, whose replies stop after their first row."""
-    _SlowProvider.go_on.clear()
-    yield _SlowProvider
-    _SlowProvider.go_on.set()
+def slow_provider(provider):
+    provider.go_on.clear()
+    yield provider
+    provider.go_on.set()
 
 
 @pytest.fixture(scope="session")
-def url(tmp_path_factory, provider_address):
-    environment = {
-        "ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([SCRIPTED_REPLY]),
-        "ROBOPROMPT_DEFAULT_MODEL": "embedded/gemma-3-270m",
-        "ROBOPROMPT_WARM_UP": "false",
-        "ROBOPROMPT_COMPATIBLE_BASE_URL": f"{provider_address}",
-    }
-    with killable_server(tmp_path_factory.mktemp("lab"), {**WITHOUT_KEYS, **environment}, "--workers", "2") as (
-        _,
-        address,
-    ):
-        yield address
+def url(tmp_path_factory, provider):
+    environment = {"ROBOPROMPT_SCRIPTED_REPLIES": json.dumps([SCRIPTED_REPLY]), "ROBOPROMPT_WARM_UP": "false"}
+    with llm_saying(provider.pieces, "default") as settings:
+        environment |= {**settings, "ROBOPROMPT_DEFAULT_MODEL": "regression"}
+        with running_server(tmp_path_factory.mktemp("lab"), environment) as address:
+            yield address
+        provider.go_on.set()
 
 
 @pytest.fixture(scope="session")
@@ -100,12 +75,12 @@ def ask(http, place_m=PLACES_M[1], success=None, note=None, **more):
 
 
 @pytest.fixture(scope="session")
-def seeded(http):
+def seeded(http, provider):
     """The task `pick` with four episodes, and a prediction of every fate, by fate."""
     for k, place_m in enumerate(PLACES_M):
         teach(http, "pick", place_m, hue=30 * k)
     copied = ask(http, PLACES_M[-1], model="nearest", representation="absolute", prompt_format="paper")
-    _SlowProvider.reply = http.get(f"/predictions/{copied}").json()["reply_text"]
+    provider.reply = http.get(f"/predictions/{copied}").json()["reply_text"]
     http.delete(f"/predictions/{copied}").raise_for_status()
     return {
         "failure": ask(http, FAR_M, False, "went beside the cube", model="regression", unsupported="allow"),

@@ -1,4 +1,4 @@
-"""The list of predictions, one of them, and several side by side."""
+"""The list of predictions, and one of them."""
 
 import pytest
 from playwright.sync_api import expect
@@ -9,25 +9,6 @@ from tests.web.lab.conftest import ask
 
 def fates(page):
     return page.locator("table.list").first.locator("td[data-label=Outcome] .badge").all_inner_texts()
-
-
-def test_successes_come_first_and_failures_where_they_are_asked_for(page):
-    page.goto("/ui/predictions?task=pick&model=regression&demonstrations=4")
-    assert fates(page)[0] == "succeeded"
-    page.get_by_label("Order").select_option("failures first")
-    page.get_by_role("button", name="Filter").click()
-    page.wait_for_url("**order=failures**")
-    assert fates(page)[0] == "failed"
-
-
-def test_yardsticks_are_listed_where_they_are_asked_for(page):
-    page.goto("/ui/predictions?task=pick")
-    assert "without the yardstick regression" in page.get_by_role("status").inner_text()
-    assert "regression" not in page.locator("td.model").all_inner_texts()
-    page.get_by_label("Yardsticks, too").check()
-    page.get_by_role("button", name="Filter").click()
-    page.wait_for_url("**yardsticks=true**")
-    assert "regression" in page.locator("td.model").all_inner_texts()
 
 
 def test_a_filter_narrows_the_list(page):
@@ -44,7 +25,7 @@ def test_a_filter_narrows_the_list(page):
 def test_pages_go_on_where_the_last_ended(page, http, seeded):
     for _ in range(51):
         ask(http, model="regression", num_demonstrations=2)
-    page.goto("/ui/predictions?demonstrations=2&yardsticks=true")
+    page.goto("/ui/predictions?demonstrations=2")
     first = page.locator("tbody").first.locator("th a").evaluate_all("links => links.map(link => link.href)")
     page.get_by_role("link", name="Further on").click()
     page.wait_for_url("**cursor=**")
@@ -95,18 +76,6 @@ def test_the_path_has_a_row_for_each_action(page, http, seeded):
         assert all("limit" in text for text in reaches)
     finally:
         http.put("/tasks/pick", json={"arm": None, "robot_base": [0, 0, 0]})
-
-
-def test_page_and_api_show_the_same_findings(page, http, seeded):
-    """One for each cause: the actions that follow from a far cube are one of them."""
-    kept = http.get(f"/predictions/{seeded['failure']}").json()["findings"]
-    assert [finding["code"] for finding in kept] == ["object-beyond-demonstrations", "unsupported-action"]
-    page.goto(f"/ui/predictions/{seeded['failure']}")
-    shown = page.get_by_role("region", name="Findings").get_by_role("listitem")
-    assert shown.locator("strong").all_inner_texts() == [finding["code"] for finding in kept]
-    for finding, text in zip(kept, shown.all_inner_texts(), strict=True):
-        assert finding["message"] in text
-        assert finding["severity"] in text
 
 
 def test_a_prediction_shows_what_was_asked_and_what_came(page, seeded):
@@ -163,12 +132,6 @@ def test_a_demonstration_plays_beside_it_from_mark_to_mark(page, http, seeded):
     assert middle == pytest.approx(cube, abs=3)
 
 
-def test_a_reply_that_is_no_list_of_actions_is_shown_with_its_error(page, seeded):
-    page.goto(f"/ui/predictions/{seeded['refused']}")
-    assert "I would rather not move today." in page.locator("#part-reply pre").inner_text()
-    assert "The reply is not a list of valid actions" in page.get_by_role("region", name="Findings").inner_text()
-
-
 def test_an_outcome_is_reported_with_a_note(page, http):
     id_ = ask(http, model="regression")
     page.goto(f"/ui/predictions/{id_}")
@@ -190,19 +153,3 @@ def test_success_is_counted_by_model_and_settings(page):
     row.get_by_role("link").click()
     page.wait_for_url("**representation=object_frame**")
     assert fates(page) == ["succeeded"]
-
-
-@pytest.mark.parametrize(("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.long), ("dark", 375)])
-def test_all_can_be_read_by_everyone(page, seeded, check_accessibility, scheme, width):
-    page.emulate_media(color_scheme=scheme)
-    page.set_viewport_size({"width": width, "height": 800})
-    for address in ("", "?outcome=success&model=scripted", f"/{seeded['failure']}"):
-        page.goto(f"/ui/predictions{address}")
-        check_accessibility(page)
-        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), address
-
-
-def test_an_unknown_prediction_says_so(page):
-    page.expected_refusals = [404]
-    page.goto("/ui/predictions/nope")
-    assert "there is no prediction 'nope'" in page.get_by_role("alert").inner_text()

@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from app.datasets import lerobot as reader
 from app.datasets.bounds import DatasetError, in_one_step
-from app.datasets.lerobot import reader
-from app.datasets.lerobot.tables import require_arrow
 from app.datasets.parcel import Parcel, canonical_json
 from app.untrusted_arrays import trajectory_from_npz
 from roboprompt_client.types.trajectory import Trajectory
@@ -127,7 +126,7 @@ def _flat(tracks: np.ndarray[Any, Any] | None) -> np.ndarray[Any, Any] | None:
 
 def _write_data(path: Path, episodes: Sequence[Columns]) -> None:
     """Write the frames of all episodes into one file, with a row group for each episode."""
-    arrow, parquet = require_arrow()
+    arrow, parquet = reader.arrow_and_parquet()
 
     def column(values: np.ndarray[Any, Any]) -> Any:  # noqa: ANN401
         flat = arrow.array(values.ravel())
@@ -142,7 +141,7 @@ def _write_data(path: Path, episodes: Sequence[Columns]) -> None:
 
 def _write_tasks(path: Path, tasks: Sequence[str]) -> None:
     """Write the instructions with their numbers; the instruction is the index of pandas' data frame."""
-    arrow, parquet = require_arrow()
+    arrow, parquet = reader.arrow_and_parquet()
     table = arrow.table({"task_index": np.arange(len(tasks)), _INDEX: list(tasks)})
     columns = (("task_index", "task_index", "int64", "int64"), (None, _INDEX, "unicode", "object"))
     names = ("name", "field_name", "pandas_type", "numpy_type")
@@ -153,7 +152,7 @@ def _write_tasks(path: Path, tasks: Sequence[str]) -> None:
 
 def _write_episodes(path: Path, episodes: Sequence[Columns], instructions: Sequence[str]) -> None:
     """Write the location of each episode's rows, and its statistics."""
-    arrow, parquet = require_arrow()
+    arrow, parquet = reader.arrow_and_parquet()
     path.parent.mkdir(parents=True)
     zeros = ("data/chunk_index", "data/file_index", "meta/episodes/chunk_index", "meta/episodes/file_index")
     rows = [
