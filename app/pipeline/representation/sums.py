@@ -16,7 +16,7 @@ holds each row to a difference that demonstrations show; which, of which object,
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import ClassVar, NamedTuple
 
 from app.pipeline.episode import Demonstration, Query
@@ -249,16 +249,16 @@ class SumsCodec(Codec):
         return f"{'; '.join(rows)}]"
 
     def decoder(self, query: Query) -> Decoder:
-        return self._actions
+        return partial(self._actions, query.instruction)
 
-    def _actions(self, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
-        return undiscretize_actions(
-            [self._bins(row, index) for index, row in enumerate(rows, start=first)], self.workspace
-        )
+    def _actions(self, instruction: str, first: int, rows: Sequence[str]) -> list[EndEffectorAction]:
+        bins = [self._bins(row, index, instruction) for index, row in enumerate(rows, start=first)]
+        return undiscretize_actions(bins, self.workspace)
 
-    def _bins(self, row: str, index: int) -> tuple[int, ...]:
+    def _bins(self, row: str, index: int, instruction: str) -> tuple[int, ...]:
+        """Read a row. Before the first the instruction may stand: after other words it may be a draft."""
         gripper = _GRIPPER.search(row)
-        if gripper is None:
+        if gripper is None or row[: gripper.start()].strip() not in ("", instruction if index == 0 else ""):
             raise ReplyParseError(f"action {index} does not begin with its number and 'open' or 'closed'", row)
         columns = [self.columns[k] for k in self._shown]
         numbers = row_integers(_ADDENDS.sub("", row[row.rindex("[") :]), index, columns)
