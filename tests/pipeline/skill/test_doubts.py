@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.pipeline.skill import fit, turns
+from app.pipeline.skill import turns
+from app.pipeline.skill.skill import fit
 from tests.pipeline.skill.shown import DOWN, HOME_M, WORDS, home, posed, recording, recordings, scene, stops_of
 
 CUP, COASTER = np.array([0.2, 0.1, 0.82]), np.array([0.25, -0.1, 0.8])
