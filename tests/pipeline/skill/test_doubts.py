@@ -110,7 +110,7 @@ def test_a_goal_that_is_not_the_one_of_the_words_is_noticed():
 def test_acts_in_another_order_than_the_words_are_noticed(order):
     def press(number):
         objects = [replace(pose, name=name) for pose, name in zip(drawn_of(number), ("red", "blue"), strict=True)]
-        over = [objects[k].position_m + (0, 0, high) for k in order for high in (0.12, 0.02, 0.12)]
+        over = [objects[k].position_m + np.array([0, 0, high]) for k in order for high in (0.12, 0.02, 0.12)]
         stops = [(HOME_M, DOWN, False), *((place, DOWN, False) for place in over)]
         return recording(objects, stops, number, words="press the red, then press the blue")
 
