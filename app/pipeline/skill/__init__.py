@@ -1,5 +1,1 @@
 """What demonstrations of an instruction share: one probabilistic model."""
-
-from app.pipeline.skill.skill import Skill, fit
-
-__all__ = ["Skill", "fit"]

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri, stdtr
 
 from app.pipeline.finding import LEVELS, Finding, finding, without_repeats
+from app.pipeline.names import folded_name
 from app.pipeline.skill import script
 from app.pipeline.skill.choice import FLOOR_M
 from app.pipeline.skill.density import ALL, EXACT, HAND, SceneDensity, Surprise, repeated
@@ -58,9 +59,10 @@ def of_demonstrations(
     for plan in used:
         yield from _faults(plan)
     yield from _scripts(plans, [item for plan in plans if plan not in used for item in plan.members])
-    yield from _events(plans, recordings)
     for plan in used:
         yield from _objects(plan)
+    yield from _events(plans, recordings)
+    for plan in used:
         yield from _clock(plan)
         yield from _acts(plan)
         yield from alike(plan, plan.members[0].scene)
@@ -290,9 +292,25 @@ def _objects(plan: Plan) -> Iterator[Finding]:
         if (gap := _gap(row, keys)) > OTHER_OBJECT * rows.number:
             yield _other(named[_best(row)], one.objects[0], gap)
     if not wanted and item.order.objects:
-        acts, keys = [plan.rows[k] for k in rows.acts], [key for key in rows.scenes.keys if is_named(key)]
-        if (gap := min(_gap(row, keys) for row in acts)) > OTHER_OBJECT * rows.number:
-            yield _other(named[_best(acts[-1])], " or ".join(item.order.objects), gap)
+        acts = [plan.rows[k] for k in rows.acts]
+        asked = [[role[folded_name(name)] for name in clause.objects] for clause in item.order.clauses]
+        if (gap := _in_order(acts, [keys for keys in asked if keys])) > OTHER_OBJECT * rows.number:
+            follows = list(dict.fromkeys(named[_best(row)] for row in acts))
+            yield _other(" and then ".join(follows), " and then ".join(item.order.objects), gap)
+
+
+def _in_order(acts: Sequence[Row], asked: Sequence[Sequence[str]]) -> float:
+    """Return the nats by which acts rather follow other objects than those that clauses ask for, one after the other.
+
+    Each clause has an act, in the order of words; of all ways the best one counts.
+    """
+    if len(acts) < len(asked):
+        return 0.0
+    prices = np.zeros(len(acts) + 1)
+    for keys in asked:
+        gaps = [_gap(row, keys) for row in acts]
+        prices = np.minimum.accumulate([np.inf, *(prices[:-1] + gaps)])
+    return float(prices[-1])
 
 
 def _best(row: Row) -> str:
@@ -307,7 +325,7 @@ def _gap(row: Row, keys: Sequence[str]) -> float:
 
 def _other(follows: str, named: str, gap: float) -> Finding:
     said = f"the hand follows {follows} where words say {named}: check the instruction and the objects' names"
-    return finding("unlike-words", float(np.exp(-gap)), said, f"objects[{follows}]")
+    return finding("unlike-words", float(np.exp(-gap)), said, "demonstrations")
 
 
 def _clock(plan: Plan) -> Iterator[Finding]:

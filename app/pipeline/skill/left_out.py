@@ -41,6 +41,8 @@ def scenes_left_out(scenes: Sequence[Scene], ids: Sequence[str], most_p: float) 
     found = []
     for n, scene in enumerate(scenes if len(scenes) > 2 else ()):
         density = SceneDensity.learned([*scenes[:n], *scenes[n + 1 :]])
-        surprises = density.surprises(scene, most_p)
-        found += [one._replace(coordinate=f"{one.about} {one.coordinate}", about=ids[n]) for one in surprises[:1]]
+        for one in density.surprises(scene, np.inf)[:1]:
+            p = min(one.p * len(density.coordinates), 1.0)  # the least of so many
+            if p < most_p:
+                found.append(one._replace(coordinate=f"{one.about} {one.coordinate}", about=ids[n], p=p))
     return sorted(found, key=lambda one: one.p)

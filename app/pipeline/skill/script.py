@@ -151,7 +151,7 @@ def _of_gripper(recording: Recording, found: Sequence[Event], inverted: bool) ->
     if missing and any(not one.opens for one in missing):
         yield Fault("does not close", sum(one.log_missing for one in missing if not one.opens))
     yield Fault("acts at another object", nats - sum(one.log_missing for one in missing))
-    if bool(recording.motion.trajectory.gripper_open[0]) == inverted:
+    if (wanted or found) and bool(recording.motion.trajectory.gripper_open[0]) == inverted:
         yield Fault("starts closed", STARTS_CLOSED)
     if found and found[0].opens:
         yield Fault("opens before it closes", STARTS_CLOSED)

@@ -17,6 +17,7 @@ from app.pipeline.skill import doubts
 from app.pipeline.skill.fit import Plan
 from app.pipeline.skill.recording import Recording
 from app.pipeline.skill.scene import Scene
+from app.pipeline.skill.script import expected
 from app.pipeline.skill.skill import Skill, fit
 from app.pipeline.skill.support import PlacedPlan, joined, placed_plan
 from roboprompt_client.errors import InvalidInputError
@@ -184,6 +185,32 @@ class Skills:
             return None
         return tuple(self._strung(query))
 
+    def in_turn(self, asked: Sequence[Query]) -> Iterator[tuple[Query, tuple[PlacedPlan, ...] | None]]:
+        """Yield queries that are carried out one after the other, each in the scene before it, with their placed plans.
+
+        Of several plans of a query the first says how it leaves the scene.
+        """
+        left = None
+        for given in asked:
+            query = given if left is None else replace(given, objects=left.objects, start=left.start)
+            plans = self.placed(query)
+            yield query, plans
+            left = self.left_by(query, plans[0]) if plans and plans[0] else query
+
+    def left_by(self, query: Query, plan: PlacedPlan) -> Query:
+        """Return a query in the scene that its plan leaves: what words say is put lies where the hand lets it go."""
+        actions = [row.action for row in plan]
+        start = None if query.start is None else actions[-1]
+        opens = [k for k, action in enumerate(actions) if action.gripper_open]
+        if not opens or not any(event.opens for event in expected(query.order)):
+            return replace(query, start=start)
+        left = self.scene(query).after(actions[: opens[-1] + 1])
+        objects = [
+            replace(pose, position_m=place, quaternion_xyzw=None if pose.quaternion_xyzw is None else turn)
+            for pose, place, turn in zip(query.objects, left.place, left.turn, strict=True)
+        ]
+        return replace(query, objects=tuple(objects), start=start)
+
     def _strung(self, query: Query) -> Iterator[PlacedPlan]:
         parts = [replace(query, instruction=clause.text) for clause in query.order.clauses]
         each = [self.plans_for(part) for part in parts]
@@ -192,12 +219,11 @@ class Skills:
             message = f"has {len(parts)} clauses, whose demonstrated plans combine in {len(ways)} ways"
             raise InvalidInputError("instruction", message, f"at most {MAX_STRUNG} ways: fewer clauses at once")
         for way in ways:
-            placed, before = [], None
+            placed, left = [], query
             for plan, part in zip(way, parts, strict=True):
-                scene = self.scene(part)
-                scene = scene if before is None else replace(before, keys=scene.keys)
-                placed.append(placed_plan(plan, part, scene))
-                before = scene.after([row.action for row in placed[-1]])
+                asked = replace(part, objects=left.objects, start=left.start)
+                placed.append(placed_plan(plan, asked, self.scene(asked)))
+                left = self.left_by(asked, placed[-1])
             yield joined(placed)
 
     def _alike(self, order: Order) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 The turn (0 or 180 degrees) is the same for all actions of an answer, so that no held object is spun.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -30,14 +30,14 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction, Pose
 
 MAX_TASKS = 64  # whose recorded wrist angles are kept
-Plans = Mapping[str, tuple[PlacedPlan, ...] | None]  # by instruction of a part; None where they are unknown
+Plans = Sequence[tuple[PlacedPlan, ...] | None]  # of each part; None where they are unknown
 
 
 class Placed(NamedTuple):
     """The parts of an instruction with their plans.
 
     Attributes:
-        parts: with symmetric objects turned as demonstrations have them.
+        parts: each in the scene that those before leave, with symmetric objects turned as demonstrations have them.
         plans: the demonstrated rows of each part.
         turned: a finding if the hand is turned in them.
         max_actions: how many the answer may have.
@@ -62,11 +62,11 @@ def place_plans(
         SceneOutOfBoundsError: if every plan of a part leaves the workspace in this scene.
         InvalidInputError: if the parts take more actions than the request allows.
     """
-    placed = {part.instruction: skills.placed(part) for part in asked}
+    placed = list(skills.in_turn(asked))
     if options.unsupported == "refuse":
-        _require_within_workspace(placed.values(), task.limits)
-    parts = tuple(_turned_as_shown(part, placed[part.instruction]) for part in asked)
-    plans, turned = _turned_plans(placed, skills, task.settings, hand)
+        _require_within_workspace([plans for _, plans in placed], task.limits)
+    parts = tuple(_turned_as_shown(part, plans) for part, plans in placed)
+    plans, turned = _turned_plans([plans for _, plans in placed], skills, task.settings, hand)
     return Placed(parts, plans, turned, _actions_allowed(skills, parts, plans, options.max_actions))
 
 
@@ -108,7 +108,7 @@ def _turned_plans(
     Args:
         hand: where it is before the first action, where that is known.
     """
-    every = [plan for found in plans.values() for plan in found or ()] if settings.gripper_symmetry_deg else []
+    every = [plan for found in plans for plan in found or ()] if settings.gripper_symmetry_deg else []
     if not every:
         return plans, []
     wrist = _wrist(skills, None if settings.arm is None else tuple(settings.robot_base))
@@ -127,7 +127,7 @@ def _turned_plans(
     )
     message = f"In all actions the gripper is turned by 180 degrees from what the reply says: {reason}."
     numbers = {"beyond_deg": beyond_deg, "turned_beyond_deg": turned_deg}
-    turned = {name: found and tuple(map(_half_turned, found)) for name, found in plans.items()}
+    turned = [found and tuple(map(_half_turned, found)) for found in plans]
     return turned, [finding("symmetry-shown", 1.0, message, "actions", symmetry_deg=180.0, **numbers)]
 
 
@@ -155,7 +155,7 @@ def _actions_allowed(skills: Skills, parts: Sequence[Query], plans: Plans, asked
     Raises:
         InvalidInputError: if several parts take more, before an LLM writes them in vain.
     """
-    counts = [_row_counts(skills, part, plans.get(part.instruction)) for part in parts]
+    counts = [_row_counts(skills, part, found) for part, found in zip(parts, plans, strict=True)]
     fewest, most = sum(map(min, counts)), sum(map(max, counts))
     allowed = asked or min(max(most, USUAL_ACTIONS), MAX_ACTIONS)
     if len(parts) > 1 and fewest > allowed:

@@ -33,7 +33,7 @@ class Question:
         parts: the queries to ask one after the other, one for a whole instruction or one for each clause; their objects
             have rotations only where the demonstrations have them.
         prompt: of the first part.
-        plans: by a part's instruction, the demonstrated rows placed in the observed scene; None where unknown.
+        plans: of each part the demonstrated rows, placed in the scene that the parts before leave; None where unknown.
         max_actions: the largest number of actions that the answer may have.
         turned: whether the hand is turned by 180 degrees from what a reply says, in `plans` and in the actions.
         findings: those known before the LLM is asked.
@@ -143,8 +143,8 @@ def _of_demonstrations(question: Question) -> tuple[Finding, ...]:
 
 def _parts(question: Question) -> Iterator[Finding]:
     """Report the parts of the instruction that no demonstration shows alone, or in this sequence."""
-    for part in question.parts:
-        if part.instruction in question.plans and question.plans[part.instruction] is None:
+    for part, plans in zip(question.parts, question.plans, strict=True):
+        if plans is None:
             number = len(part.order.clauses)
             message = f"No demonstration carries out {number} part{'s' * (number > 1)} as {part.instruction!r} asks."
             yield finding("new-instruction", 0.0, message, "instruction")

@@ -19,6 +19,7 @@ from app.pipeline.errors import ReplyParseError
 from app.pipeline.finding import Finding
 from app.pipeline.prompt import Prompt
 from app.pipeline.reply import ReplyReader
+from app.pipeline.skill.support import PlacedPlan
 from app.services.measures import timed
 from app.services.predict import doubts
 from app.services.predict.part_reply import ActionDoubt, PartReply, PredictedAction
@@ -69,8 +70,8 @@ class Reply:
             LanguageModelError: if the LLM does not answer; what was yielded may not be all of the reply.
         """
         shows_text = piecewise and self._options.stream_text
-        for asked in self._parts():
-            part, before, text = self._part(asked), self.text, ""
+        for asked, plans in self._parts():
+            part, before, text = self._part(asked, plans), self.text, ""
             async with aclosing(self._model.stream(self._request())) as pieces:
                 while not part.complete:
                     with timed("llm"):
@@ -94,10 +95,10 @@ class Reply:
                         yield actions
             self._doubts += part.doubts
 
-    def _parts(self) -> Iterator[Query]:
-        """Yield the parts of the instruction, setting `prompt` for each."""
+    def _parts(self) -> Iterator[tuple[Query, tuple[PlacedPlan, ...] | None]]:
+        """Yield the parts of the instruction and their plans, setting `prompt` for each."""
         question, most = self.question, self.question.max_actions
-        for number, part in enumerate(question.parts):
+        for number, (part, plans) in enumerate(zip(question.parts, question.plans, strict=True)):
             if (remaining := most - len(self.actions)) <= 0:
                 message = f"{most} actions do not carry out all {len(question.parts)} parts"
                 raise ReplyParseError(message, self.text or "")
@@ -106,13 +107,13 @@ class Reply:
                 written = codec.reply_text(codec.rows(self._last_text, complete=True))
                 so_far = f"{self.prompt.query}{written}{codec.separator}"
                 self.prompt = question.prefix.template.ask(part, remaining, so_far)
-            yield part
+            yield part, plans
 
-    def _part(self, asked: Query) -> PartReply:
+    def _part(self, asked: Query, plans: tuple[PlacedPlan, ...] | None) -> PartReply:
         question, num_before = self.question, len(self.actions)
         return PartReply(
             ReplyReader(question.prefix.template.codec, asked, question.max_actions - num_before),
-            question.plans.get(asked.instruction),
+            plans,
             question.known.task.workspace,
             num_before,
             turned=question.turned,

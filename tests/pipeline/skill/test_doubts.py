@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.pipeline.skill import fit, turns
-from tests.pipeline.skill.shown import DOWN, HOME_M, WORDS, home, posed, recording, recordings, scene, stops_of
+from app.pipeline.skill import turns
+from app.pipeline.skill.skill import fit
+from tests.pipeline.skill.shown import DOWN, HOME_M, WORDS, drawn, home, posed, recording, recordings, scene, stops_of
 
 CUP, COASTER = np.array([0.2, 0.1, 0.82]), np.array([0.25, -0.1, 0.8])
 SIDE = turns.exp(np.array([np.pi / 2, 0, 0]))
@@ -103,6 +104,22 @@ def test_a_goal_that_is_not_the_one_of_the_words_is_noticed():
         return (*objects, plate), stops_of(objects[0], plate)
 
     assert "unlike-words" in changed(to_plate)
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_acts_in_another_order_than_the_words_are_noticed(order):
+    def press(number):
+        objects = [replace(pose, name=name) for pose, name in zip(drawn_of(number), ("red", "blue"), strict=True)]
+        over = [objects[k].position_m + np.array([0, 0, high]) for k in order for high in (0.12, 0.02, 0.12)]
+        stops = [(HOME_M, DOWN, False), *((place, DOWN, False) for place in over)]
+        return recording(objects, stops, number, words="press the red, then press the blue")
+
+    found = dangers(fit([press(number) for number in range(6)]))
+    assert found == ({"unlike-words"} if order == (1, 0) else set())
+
+
+def drawn_of(seed):
+    return drawn(np.random.default_rng(seed))
 
 
 def test_a_missing_grasp_is_noticed():

@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.pipeline.skill import fit, turns
+from app.pipeline.skill import turns
+from app.pipeline.skill.skill import fit
 from tests.pipeline.skill.shown import HOME_M, drawn, home, moved, posed, recordings, scene, stops_of
 
 NEW = drawn(np.random.default_rng(99))

@@ -1,6 +1,6 @@
 import numpy as np
 
-from app.pipeline.skill import fit
+from app.pipeline.skill.skill import fit
 from app.pipeline.skill.ways import told_apart, two_kinds
 from tests.pipeline.skill.shown import drawn, posed, recordings, scene, stops_of
 
