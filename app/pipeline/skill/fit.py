@@ -21,6 +21,7 @@ from roboprompt_client.types.arrays import Array
 from roboprompt_client.types.poses import EndEffectorAction
 
 ROUNDS = 2  # of aligning recordings to the rows of all
+NEEDED = 5.0  # log odds, in nats, that a row is needed before anything is compared: each bends a recorded path
 STARTS = 3  # recordings whose stages are tried for those of all
 
 
@@ -159,16 +160,17 @@ def _costs(members: Sequence[Recording], alike: Turned, fitted: Sequence[Row]) -
 
 
 def _without_vague(rows: Rows, fitted: tuple[Row, ...], ends: set[int]) -> tuple[Rows, tuple[Row, ...]]:
-    """Return the rows that pay for themselves; never without a phase's last one.
+    """Return the rows that explain where recorded hands are better than straight ways; with each phase's last one.
 
-    A row costs where it must be in all scenes; without it the hand moves straight from the row before to the row after.
-    Both explain where the recorded hands are: the one with more evidence stays.
+    Without a row the hand moves straight from the row before to the row after. What is off by less than the tolerance
+    of keyframes is as good as exact, for both.
     """
     kept = list(range(len(rows)))
     while True:
         few = rows.taking(kept)
-        gains = [-np.inf if k in ends else straight(few, i) - fitted[k].log_evidence for i, k in enumerate(kept)]
-        if max(gains) <= 0:
+        off = [_tolerant(fitted[k].residuals) for k in kept]
+        gains = [-np.inf if k in ends else straight(few, i) - off[i] for i, k in enumerate(kept)]
+        if max(gains) <= NEEDED:
             break
         del kept[int(np.argmax(gains))]
     if len(kept) == len(rows):
@@ -178,10 +180,7 @@ def _without_vague(rows: Rows, fitted: tuple[Row, ...], ends: set[int]) -> tuple
 
 
 def straight(rows: Rows, k: int) -> float:
-    """Return the log evidence of recorded hands at row k by straight motion between its neighbors.
-
-    What is off by less than the tolerance of keyframes is as good as on the line.
-    """
+    """Return the log evidence of recorded hands at row k by straight motion between its neighbors."""
     before, turn_before = rows.first, rows.first_turn
     if k:
         before, turn_before = rows.hand[:, k - 1], rows.turn[:, k - 1]
@@ -193,6 +192,12 @@ def straight(rows: Rows, k: int) -> float:
     turning = turns.log(turns.product(turns.inverse(turn_before), rows.turn[:, k + 1]))
     on_way = turns.product(turn_before, turns.exp(share * turning))
     off_rad = turns.log(turns.product(turns.inverse(on_way), rows.turn[:, k]))
-    squares = [(off_m**2).sum(0), (off_rad**2).sum(0)]
+    return _tolerant(np.concatenate([off_m.T, off_rad.T]))
+
+
+def _tolerant(residuals: Array) -> float:
+    """Return the log evidence of residuals (6, N) about zero, with the tolerance of keyframes as noise."""
     floors = TOLERANCE_M, np.radians(TOLERANCE_DEG)
-    return float(sum(log_about_zero(s, rows.number, floor).sum() for s, floor in zip(squares, floors, strict=True)))
+    squares = (residuals**2).sum(axis=1)
+    parts = zip((squares[:3], squares[3:]), floors, strict=True)
+    return float(sum(log_about_zero(of, residuals.shape[1], floor).sum() for of, floor in parts))

@@ -17,7 +17,8 @@ from roboprompt_client.types.arrays import Array
 # Log priors, in nats: set once on simulated tasks with 1 to 10 demonstrations
 UNNAMED = -2.0  # follows an object that the instruction does not mention
 OF_WORLD, OF_START = -1.5, -3.0  # follows no object
-MIDDLE = -5.0  # is midway between two objects
+MIDDLE = -5.0  # is midway between two objects,
+MIDWAY_M = 0.005  # and less so by one for so much distance from there: on every way a hand is somewhere between
 ONE_AXIS = -4.0  # one of x, y and z follows something else
 OTHER_AXES = -2.0  # axes of another object than the origin's
 WORLD_AXES = -0.5  # does not turn with what it follows
@@ -99,9 +100,12 @@ class Candidates(NamedTuple):
         flat = {"world": OF_WORLD, "start": OF_START}.get(origin.kind)
         if flat is not None:
             return np.full(hand.shape[1], flat + FARTHEST / 2)
-        far = np.median(np.linalg.norm(hand - scenes.origin(origin)[:, None], axis=2), axis=0)
-        kind = MIDDLE if origin.kind == "between" else 0.0 if is_named(origin.one) else UNNAMED
-        near: Array = kind + np.maximum(-far / NEAR_M, FARTHEST)
+        off = hand - scenes.origin(origin)[:, None]
+        if origin.kind == "between":
+            level: Array = np.median(np.linalg.norm(off[..., :2], axis=2), axis=0)
+            return MIDDLE - level / MIDWAY_M
+        far = np.median(np.linalg.norm(off, axis=2), axis=0)
+        near: Array = (0.0 if is_named(origin.one) else UNNAMED) + np.maximum(-far / NEAR_M, FARTHEST)
         return near
 
     def hand_prior(self) -> Array:
