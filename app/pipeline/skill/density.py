@@ -29,6 +29,7 @@ ANYWHERE = (0.04, 0.06, 0.2, 0.4, 0.3)
 FIXED = 0.006  # of the second spread of heights and tilts; each further one is a third as probable
 LEFT = 0.002  # the same of the hand's start
 INSIDE_M, INSIDE_P = 0.025, 2e-4  # things that were never so near are not inside each other
+LEAST_P = 1e-300  # has a logarithm
 FAR_P = 1e-6  # of a demonstration left out that is in another world
 EXACT = 1e-7  # continuous measurements are never so equal
 USUAL = 2.0  # spreads to both sides that a usual range has
@@ -147,7 +148,12 @@ class SceneDensity:
         distance = np.array([item.kind == "distance" for item in self.coordinates])
         shown = np.where(self.kept, self.values, np.inf).min(axis=0)
         inside = distance & (values < np.log(INSIDE_M)) & (shown > np.log(INSIDE_M))
-        return np.where(np.isnan(values), 1.0, np.where(inside, np.minimum(p, INSIDE_P), p))
+        p = np.where(np.isnan(values), 1.0, np.where(inside, np.minimum(p, INSIDE_P), p))
+        level = p[: 3 * len(self.scenes.keys)].reshape(-1, 3)[:, :2]  # a view: what is odd in x and in y is odder
+        both = np.maximum(level.prod(axis=1), LEAST_P)
+        both *= 1 - np.log(both)  # Fisher's combined probability
+        level[np.arange(len(level)), level.argmin(axis=1)] = np.minimum(level.min(axis=1), both)
+        return p
 
     def exchanged(self, scene: Scene) -> list[tuple[str, str, float]]:
         """Return pairs of names, and the nats by which a scene is more probable with their objects exchanged."""
