@@ -289,26 +289,27 @@ def _objects(plan: Plan) -> Iterator[Finding]:
             continue
         row = plan.rows[rows.switches[event]]
         keys = [role[name] for name in one.objects if role.get(name) in row.rivals]
-        if (gap := _gap(row, keys)) > OTHER_OBJECT * rows.number:
+        if (gap := _gap(plan, rows.switches[event], keys)) > OTHER_OBJECT * rows.number:
             yield _other(named[_best(row)], one.objects[0], gap)
     if not wanted and item.order.objects:
         acts = [plan.rows[k] for k in rows.acts]
         asked = [[role[folded_name(name)] for name in clause.objects] for clause in item.order.clauses]
-        if (gap := _in_order(acts, [keys for keys in asked if keys])) > OTHER_OBJECT * rows.number:
+        if (gap := _in_order(plan, [keys for keys in asked if keys])) > OTHER_OBJECT * rows.number:
             follows = list(dict.fromkeys(named[_best(row)] for row in acts))
             yield _other(" and then ".join(follows), " and then ".join(item.order.objects), gap)
 
 
-def _in_order(acts: Sequence[Row], asked: Sequence[Sequence[str]]) -> float:
+def _in_order(plan: Plan, asked: Sequence[Sequence[str]]) -> float:
     """Return the nats by which acts rather follow other objects than those that clauses ask for, one after the other.
 
     Each clause has an act, in the order of words; of all ways the best one counts.
     """
+    acts = plan.shown.acts
     if len(acts) < len(asked):
         return 0.0
     prices = np.zeros(len(acts) + 1)
     for keys in asked:
-        gaps = [_gap(row, keys) for row in acts]
+        gaps = [_gap(plan, k, keys) for k in acts]
         prices = np.minimum.accumulate([np.inf, *(prices[:-1] + gaps)])
     return float(prices[-1])
 
@@ -318,9 +319,19 @@ def _best(row: Row) -> str:
     return max(row.rivals, key=lambda key: row.rivals[key])
 
 
-def _gap(row: Row, keys: Sequence[str]) -> float:
-    """Return the nats by which a row rather follows the best of all objects than the best of these."""
-    return max(row.rivals.values(), default=0.0) - max((row.rivals[key] for key in keys), default=np.inf)
+def _gap(plan: Plan, k: int, keys: Sequence[str]) -> float:
+    """Return the nats by which row k rather follows another object, and is there, than the best of these.
+
+    What turns with an object, or is a part of it, tells where to go from afar: the hand must be at it as well.
+    """
+    rows, follows = plan.shown, plan.rows[k].rivals
+    own = [key for key in keys if key in follows]
+    if not own:
+        return -np.inf
+    away = np.median(np.linalg.norm(rows.scenes.place - rows.hand[:, k, None], axis=2), axis=0).tolist()
+    near = {key: script.log_t(off) for key, off in zip(rows.scenes.keys, away, strict=True)}
+    followed, at = max(follows[key] for key in own), max(near[key] for key in own)
+    return max(min(follows[key] - followed, rows.number * (near[key] - at)) for key in follows)
 
 
 def _other(follows: str, named: str, gap: float) -> Finding:
