@@ -4,7 +4,6 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.web.conftest import PLACES_M, until
-from tests.web.conftest import PLACES_M
 from tests.web.lab.conftest import ask
 
 
