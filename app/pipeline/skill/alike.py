@@ -77,7 +77,7 @@ def as_shown(scene: Scene, shown: Rows, fitted: tuple[Row, ...]) -> Scene:
         alike = [scene.turned(key, np.array(angle)) for angle in np.radians(np.arange(0, 360, period))]
         usual = turns.medoid(shown.turn[:, act])
         off = [float(turns.angle(placed([fitted[act]], one)[1][0], usual)) for one in alike]
-        scene = alike[int(np.argmin(off))]
+        scene = alike[int(turns.first_least(off))]
     return scene
 
 
@@ -111,7 +111,7 @@ def _alike_at(now: Turned, plain: Rows, act: int, key: str, period: float | None
     mean = turns.medoid(relative[0])
     if period and acts.scenes.symmetry[k] is None:  # each may show another side: the one that most can be turned to
         apart = [_apart(relative, relative[0, n]).min(axis=0).sum() for n in range(acts.number)]
-        mean = relative[0, int(np.argmin(apart))]
+        mean = relative[0, int(turns.first_least(apart))]
     away = turns.angle(relative, mean) + RATHER_FIRST * np.arange(len(variants))[:, None]
     which = away.argmin(axis=0)
     changed = away[0] - away.min(axis=0) > CLEARLY_RAD

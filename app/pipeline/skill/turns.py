@@ -12,6 +12,7 @@ from roboprompt_client.types.arrays import Array
 IDENTITY: Array = np.array([0.0, 0.0, 0.0, 1.0])
 UP: Array = np.array([0.0, 0.0, 1.0])
 HALF_TURN: Array = np.array([0.0, 0.0, 1.0, 0.0])
+ROUNDING_DIGITS = 6  # sums of radians that differ by less are the same
 MEDOID_CAP_RAD = 1.0  # a rotation farther off is elsewhere: how far does not matter to the medoid (Huber's idea)
 SMALL = 1e-9  # sines below it have lost their axis
 
@@ -87,10 +88,16 @@ def canonical(turn: Array) -> Array:
     return np.where(turn[..., 3:] < 0, -turn, turn)
 
 
+def first_least(values: npt.ArrayLike) -> npt.NDArray[np.intp]:
+    """Return where values (..., N) are least: the first of those that only rounding tells apart."""
+    found: npt.NDArray[np.intp] = np.round(values, ROUNDING_DIGITS).argmin(-1)
+    return found
+
+
 def medoid(turns: Array) -> Array:
     """Return of rotations (..., N, 4) the one (..., 4) that is nearest to the others."""
     apart = np.minimum(angle(turns[..., :, None, :], turns[..., None, :, :]), MEDOID_CAP_RAD).sum(-1)
-    found: Array = np.take_along_axis(turns, apart.argmin(-1)[..., None, None], axis=-2)[..., 0, :]
+    found: Array = np.take_along_axis(turns, first_least(apart)[..., None, None], axis=-2)[..., 0, :]
     return found
 
 

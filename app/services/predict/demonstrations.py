@@ -114,7 +114,10 @@ class TaskReading:
         Raises:
             NotFoundError: naming the first id that is no episode of this task.
         """
-        return self.kept.skills.get_or_make(tuple(sorted(ids)), lambda: self._skills(tuple(sorted(ids))))
+        chosen = set(ids)
+        oldest_first = [id_ for id_ in self._scenes.ids if id_ in chosen]  # ids are random: what is equal is decided so
+        ordered = tuple(dict.fromkeys([*oldest_first, *ids]))
+        return self.kept.skills.get_or_make(ordered, lambda: self._skills(ordered))
 
     def _skills(self, ids: Ids) -> Skills:
         records = episodes.demonstrations_by_id(self.connection, self.record.name, ids)
