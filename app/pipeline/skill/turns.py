@@ -90,7 +90,7 @@ def canonical(turn: Array) -> Array:
 
 def first_least(values: npt.ArrayLike) -> npt.NDArray[np.intp]:
     """Return where values (..., N) are least: the first of those that only rounding tells apart."""
-    found: npt.NDArray[np.intp] = np.round(values, ROUNDING_DIGITS).argmin(-1)
+    found: npt.NDArray[np.intp] = np.asarray(values).round(ROUNDING_DIGITS).argmin(-1)
     return found
 
 
